@@ -41,10 +41,11 @@ test-newest:
 	$(VENV)-newest/$(PIP) --upgrade $(TOOLS) --editable .
 	OPENBLAS_NUM_THREADS=1 $(VENV)-newest/bin/python -m pytest -n 2 --dist worksteal
 
-# Measured fish; MJFISH_FISHSIM names the folder of the marker files of srl-ethz/fishsim. Those of the one-joint fish
-# (MJFISH_TAILFISH) are diagnosed by `python -m studies.tail_fish`, in a quarter of an hour.
+# Measured robots: MJFISH_FISHSIM names the folder of the marker files of srl-ethz/fishsim, MJFISH_TAILFISH that of the runs of
+# giorgosmamakoukas/DerivativeBasedKoopman, which are left out where it is not set.
 real: env
 	$(BIN)/python -m studies.measured_fish
+	if [ -n "$$MJFISH_TAILFISH" ]; then $(BIN)/python -m studies.tail_fish; fi
 
 check: env
 	$(BIN)/ruff format --check .

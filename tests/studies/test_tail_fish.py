@@ -38,18 +38,18 @@ ANSWER = {
 
 def test_the_runs_of_one_amplitude_are_held_out() -> None:
     recorded = [Path(f"Amp{a}Bias{b}.txt") for a in (15, 20, 25) for b in (-20, 0, 20)]
-    assert runs.held_out(recorded, "amplitude") == ["Amp25Bias-20", "Amp25Bias0", "Amp25Bias20"]
+    assert runs.held_out(recorded, runs.settings()) == ["Amp25Bias-20", "Amp25Bias0", "Amp25Bias20"]
 
 
 def test_files_that_are_no_division_or_of_another_robot_are_refused(tmp_path: Path) -> None:
     recorded = [tmp_path / f"Amp15Bias{b}.txt" for b in (-20, 0, 20)]
     with pytest.raises(InputError, match="0 of 3 files are the runs of 25 degrees, expected some of them and"):
-        runs.divided(recorded, "amplitude")
+        runs.divided(recorded, runs.settings())
     other = [tmp_path / name for name in ("Amp15Bias0.txt", "Amp25Bias0.txt")]
     for path in other:
         path.write_text("frame,x,y\n1,2,3\n")
     with pytest.raises(InputError, match=r"Amp15Bias0.txt: .*expected rows of seven numbers: time"):
-        runs.divided(other, "amplitude")
+        runs.divided(other, runs.settings())
 
 
 def test_the_wander_of_a_phase_is_measured() -> None:
@@ -61,7 +61,7 @@ def test_the_wander_of_a_phase_is_measured() -> None:
 
 
 def test_the_page_has_errors_coefficients_and_findings() -> None:
-    text = page({"amplitude": ANSWER})
+    text = page(ANSWER, runs.settings())
     assert "| the runs of 25 degrees | extended | 0.050 | 0.100 | 0.200 | 0.0040 |" in text
     assert "| c_d.head | 1.5 | - | 2 ± 2 | -0.4 |" in text
     assert "4.0 sd away" in text
@@ -75,4 +75,20 @@ def test_where_the_files_are_must_be_said(monkeypatch: pytest.MonkeyPatch, tmp_p
         runs.files()
     monkeypatch.setenv(runs.VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match="MJFISH_TAILFISH must name the folder"):
+        runs.files()
+
+
+def test_files_under_another_licence_are_refused_before_any_work(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder = tmp_path / "repository" / "data"
+    folder.mkdir(parents=True)
+    for bias in (-20, 0, 20):
+        (folder / f"Amp15Bias{bias}.txt").touch()
+    monkeypatch.setenv(runs.VARIABLE, str(folder))
+    licence = tmp_path / "repository" / "LICENSE"
+    licence.write_text("Permission is hereby granted, free of charge,\nto any person obtaining a copy of\n")
+    assert len(runs.files()) == 3
+    licence.write_text("All rights reserved.\n")
+    with pytest.raises(InputError, match="LICENSE: not the MIT licence that the files were published under; read it"):
         runs.files()

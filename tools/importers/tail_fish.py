@@ -21,8 +21,10 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from mjfish import bounded, tomlfile
 from mjfish.arrays import FloatArray, readonly
@@ -43,16 +45,34 @@ from mjfish.tomlfile import Table
 _NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
 _COLUMNS = ("time", "velocity along", "velocity across", "yaw rate", "heading", "x", "y")
 _FEWEST = 20
-_KNOWN = Path(__file__).with_suffix(".toml")
+SETTINGS = Path(__file__).with_suffix(".toml")
 #: How well the average phase of a record is known at either end, as the average frequency tells it [rad].
 _TURN = 0.05
 
 
-class _Layout(Table):
-    """What is known of all runs beside what their files say."""
+class Goal(Table):
+    """What is asked of the held-out runs: error of the mean speed [m/s], nRMSE of the yaw rate [-]."""
 
+    speed: float
+    yaw_rate: float
+
+
+class Study(Table):
+    """What the study does with the runs, see the comments of the file of settings."""
+
+    held_out: str
+    called: str
+    goal: Goal
+    reference: dict[str, tuple[float, float, float, float]]
+
+
+class Settings(Table):
+    """What is known of all runs beside what their files say, and what is done with them."""
+
+    schema_: Literal[1] = Field(alias="schema")
     known: dict[str, Beforehand]
     filter: GaussianTable
+    study: Study
 
 
 def import_files(
@@ -74,7 +94,7 @@ def import_files(
     """
     if mapping is not None:
         raise InputError(f"{mapping}: this importer takes no mapping file, the layout is known; leave out --map")
-    fish, beforehand = load_fish("one_joint"), tomlfile.read(_KNOWN, _Layout)
+    fish, beforehand = load_fish("one_joint"), tomlfile.read(SETTINGS, Settings)
     trials = [_trial(path, fish.links[0].com) for path in files]
     check_distinct([trial.name for trial in trials], files)
     reports = tuple(velocity_report(t, beat=None if t.wave is None else t.wave.frequency) for t in trials)

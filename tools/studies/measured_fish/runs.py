@@ -23,6 +23,7 @@ from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import PREFIX, Fit, Noise, Problem, fit, predict_held_out
 from mjfish.fish import Fish
+from studies.licence import check_mit
 
 ROOT = Path(__file__).parents[3]
 SETTINGS = Path(__file__).with_name("settings.toml")
@@ -115,7 +116,7 @@ def folder(settings: Settings) -> Path:
     """Return where the files are.
 
     Raises:
-        InputError: nowhere; how they are got is said.
+        InputError: nowhere; how they are got is said. Their licence is no longer MIT.
     """
     how = (
         f"{VARIABLE} must name the folder of the measured files, which are public: git clone --depth 1 "
@@ -128,6 +129,7 @@ def folder(settings: Settings) -> Path:
     for name in (*settings.fit, *settings.held_out):
         if not (found / f"markers_{name}.csv").is_file():
             raise InputError(f"{how}; there is no markers_{name}.csv in {found}")
+    check_mit(found)
     return found
 
 

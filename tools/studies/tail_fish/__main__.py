@@ -14,28 +14,25 @@ from mjfish.errors import MjfishError
 from mjfish.files import check_folder, make_folder, write_text
 from studies import console
 from studies.tail_fish.page import page
-from studies.tail_fish.runs import DIVISIONS, divided, files, told
+from studies.tail_fish.runs import divided, files, settings, told
 
 
 def main() -> None:
-    """Diagnose every division that has no answer in the folder yet, and write the page."""
+    """Diagnose the runs where the folder has no answer yet, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("out/tail-fish"), help="folder of the answers")
+    parser.add_argument("--out", type=Path, default=Path("out/tail-fish"), help="folder of the answer")
     parser.add_argument("--page", type=Path, help="page to write")
     options = parser.parse_args()
     try:
         check_folder(options.out)
+        study, recorded = settings(), files()
         make_folder(options.out)
-        recorded = files()
-        answers = {}
-        for name in DIVISIONS:
-            answer = options.out / f"{name}.json"
-            if not answer.is_file():
-                console.err.print(f"diagnosing with {DIVISIONS[name]} held out")
-                found = told(diagnose(divided(recorded, name)))
-                write_text(answer, json.dumps(found, indent=1, allow_nan=False) + "\n")
-            answers[name] = json.loads(answer.read_text(encoding="utf-8"))
-        text = page(answers)
+        answer = options.out / "answer.json"
+        if not answer.is_file():
+            with console.progress_bar() as bar:
+                found = told(diagnose(divided(recorded, study), progress=bar))
+            write_text(answer, json.dumps(found, indent=1, allow_nan=False) + "\n")
+        text = page(json.loads(answer.read_text(encoding="utf-8")), study)
         if options.page is not None:
             write_text(options.page, text)
         console.out.print(text)

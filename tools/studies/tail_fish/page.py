@@ -9,43 +9,33 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from importers.tail_fish import Study
 from studies.markdown import table, wrapped
-from studies.tail_fish.runs import DIVISIONS, means
-
-#: Errors of a rigid body with quadratic drag and a plate for a tail, eleven numbers for all runs and four a run. Others
-#: fitted it to the same 27 runs and scored it on 27 repeats and 18 runs of 30 degrees, which are not among them: surge,
-#: sway, yaw rate, mean speed [m/s].
-REFERENCE = {
-    "repeats of the same conditions": (0.166, 0.225, 0.130, 0.0054),
-    "30 degrees": (0.206, 0.260, 0.120, 0.0088),
-}
+from studies.tail_fish.runs import means
 
 
-def page(answers: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the page from what the divisions' diagnoses said (`studies.tail_fish.runs.told`)."""
+def page(answer: Mapping[str, Any], study: Study) -> str:
+    """Return the page from what the diagnosis said (`studies.tail_fish.runs.told`)."""
     template = resources.files(__package__).joinpath("page.md.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True)  # noqa: S701
-    first = answers[next(iter(DIVISIONS))]
     return wrapped(
         environment.from_string(template).render(
-            errors=_errors(answers),
-            verdicts=[(DIVISIONS[name], answer) for name, answer in answers.items()],
-            coefficients=_coefficients(first),
-            far=[message for message in first["findings"] if "sd away" in message],
-            walk=first["walk"],
-            wander=f"{np.median(first['wander']):.2f}",
-            most=f"{np.max(first['wander']):.2f}",
+            errors=_errors(answer, study),
+            answer=answer,
+            study=study,
+            coefficients=_coefficients(answer),
+            far=[message for message in answer["findings"] if "sd away" in message],
+            walk=answer["walk"],
+            wander=f"{np.median(answer['wander']):.2f}",
+            most=f"{np.max(answer['wander']):.2f}",
         )
     )
 
 
-def _errors(answers: Mapping[str, Mapping[str, Any]]) -> str:
-    rows = []
-    for name, answer in answers.items():
-        for model in ("nominal", "extended"):
-            if answer["by_run"]:
-                rows.append((DIVISIONS[name], model, *_numbers(means(answer["by_run"], model))))
-    rows += [(f"other runs: {name}", "reference", *_numbers(values)) for name, values in REFERENCE.items()]
+def _errors(answer: Mapping[str, Any], study: Study) -> str:
+    models = ("nominal", "extended") if answer["by_run"] else ()
+    rows = [(study.called, model, *_numbers(means(answer["by_run"], model))) for model in models]
+    rows += [(f"other runs: {name}", "reference", *_numbers(values)) for name, values in study.reference.items()]
     return table(("held out", "model", "surge", "sway", "yaw rate", "mean speed [m/s]"), rows)
 
 

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from importers import tail_fish
+from importers.tail_fish import Study
+from mjfish import tomlfile
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
-from mjfish.data.importers import import_files
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
 from mjfish.frames import CHANNELS
 from mjfish.serialise import plain as plain_of
+from studies.licence import check_mit
 
 VARIABLE = "MJFISH_TAILFISH"
-_IMPORTER = Path(__file__).parents[2] / "importers" / "tail_fish.py"
-#: Divisions of the runs by name: which are held out, and how their names begin.
-DIVISIONS = {"amplitude": "the runs of 25 degrees"}
-_BEGIN = {"amplitude": "Amp25"}
 
 
 def files() -> list[Path]:
     """Return the files of the runs, sorted.
 
     Raises:
-        InputError: nobody says where they are; how they are got is said.
+        InputError: nobody says where they are; how they are got is said. Their licence is no longer MIT.
     """
     named = os.environ.get(VARIABLE)
     found = sorted(Path(named).glob("Amp*Bias*.txt")) if named else []
@@ -38,27 +38,33 @@ def files() -> list[Path]:
             "of https://github.com/giorgosmamakoukas/DerivativeBasedKoopman, each named after its folder, such as "
             "Amp20Bias-30.txt"
         )
+    check_mit(found[0].parent)
     return found
 
 
-def held_out(recorded: Sequence[Path], division: str) -> list[str]:
-    """Return the names of the runs that a division holds out."""
-    return [path.stem for path in recorded if path.stem.startswith(_BEGIN[division])]
+def settings() -> Study:
+    """Return what the robot's file of settings says of the study."""
+    return tomlfile.read(tail_fish.SETTINGS, tail_fish.Settings).study
 
 
-def divided(recorded: Sequence[Path], division: str) -> Dataset:
-    """Return the dataset of a division.
+def held_out(recorded: Sequence[Path], study: Study) -> list[str]:
+    """Return the names of the runs that are held out."""
+    return [path.stem for path in recorded if fnmatchcase(path.stem, study.held_out)]
+
+
+def divided(recorded: Sequence[Path], study: Study) -> Dataset:
+    """Return the dataset of the runs.
 
     Raises:
         InputError: all runs would be fitted, or all held out; a file is of another robot.
     """
-    held = held_out(recorded, division)
+    held = held_out(recorded, study)
     if not 0 < len(held) < len(recorded):
         raise InputError(
-            f"{recorded[0].parent}: {len(held)} of {len(recorded)} files are {DIVISIONS[division]}, expected some of "
+            f"{recorded[0].parent}: {len(held)} of {len(recorded)} files are {study.called}, expected some of "
             "them and some others; get the files of all amplitudes"
         )
-    dataset, _ = import_files(_IMPORTER, recorded, held)
+    dataset, _ = tail_fish.import_files(recorded, held)
     return dataset
 
 
