@@ -33,7 +33,7 @@ def count(length: float) -> int:
 
 
 def walk(
-    time: FloatArray, start: float, end: float, sizes: Sequence[float], *, level: bool = False
+    time: FloatArray, start: float, end: float, sizes: Sequence[float], *, first: int = 0, level: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return w at times of any shape [s], its rate and acceleration, as polynomials of exp(i pi t / T).
 
@@ -41,18 +41,19 @@ def walk(
         time: of any shape [s].
         start, end: of the walk [s].
         sizes: a_m [s^0.5].
+        first: the mode, counted from 0, of the first of them; those before it are 0.
         level: the line nearest to w is taken off it, where phase and frequency are known of the whole run.
     """
-    length = end - start
-    wave = (np.arange(len(sizes)) + 0.5) * np.pi / length
+    length, modes = end - start, first + np.arange(len(sizes))
+    wave = (modes + 0.5) * np.pi / length
     phase = (np.asarray(time) - start) * (np.pi / length)
-    turn, half = np.exp(1j * phase), np.sqrt(2.0 / length) * np.exp(0.5j * phase)
+    turn, half = np.exp(1j * phase), np.sqrt(2.0 / length) * np.exp((first + 0.5) * 1j * phase)
     ahead, rate, second = (half * polyval(turn, sizes * wave**power) for power in (-1, 0, 1))
     mean = slope = 0.0
     if level:  # INT sin k t dt = 1 / k, INT t sin k t dt = (-1)^m / k^2 from 0 to T
         weights = np.sqrt(2.0 / length) * np.asarray(sizes) / wave**2
         mean = float(np.sum(weights)) / length
-        slope = 12.0 / length**3 * (float(weights @ ((-1.0) ** np.arange(len(sizes)) / wave)) - 0.5 * length**2 * mean)
+        slope = 12.0 / length**3 * (float(weights @ ((-1.0) ** modes / wave)) - 0.5 * length**2 * mean)
     line = mean + slope * (np.asarray(time) - 0.5 * (start + end))
     return ahead.imag - line, rate.real - slope, -second.imag
 
@@ -111,12 +112,11 @@ def along_mode(due: JointMotion, sizes: tuple[float, ...], mode: int, *, level: 
     With g = theta' / (1 + w'), by how much an angle moves as the clock goes on, they are (g e, (g e)', (g e)'') of the
     mode e. A step of the drive comes later, too; that part is left out.
     """
-    motion = walked(due, sizes, level=level)
+    motion, clock = walked(due, sizes, level=level), _clock(due.time.tobytes(), sizes, level)
     start, end, time = float(due.time[0]), float(due.time[-1]), motion.time
     stages = np.stack([time[:-1], 0.5 * (time[:-1] + time[1:]), time[1:]], axis=1)
-    _, rate, second = (part[..., None] for part in walk(stages, start, end, sizes, level=level))
-    e, slope, bend = (part[..., None] for part in walk(stages, start, end, np.eye(len(sizes))[mode], level=level))
-    g = motion.rate / (1.0 + rate)
-    turn = (motion.acceleration - g * second) / (1.0 + rate)
+    e, slope, bend = (part[..., None] for part in walk(stages, start, end, (1.0,), first=mode, level=level))
+    g = motion.rate / clock.speed
+    turn = (motion.acceleration - g * clock.second) / clock.speed
     third = np.gradient(turn, axis=1, edge_order=2) / (0.5 * np.diff(time)[:, None, None])
     return np.stack([g * e, turn * e + g * slope, third * e + 2.0 * turn * slope + g * bend])
