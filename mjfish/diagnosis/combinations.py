@@ -14,11 +14,10 @@ from functools import cache, partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS

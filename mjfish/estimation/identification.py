@@ -19,9 +19,8 @@ from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
-from mjfish.estimation.intervals import Intervals, intervals
+from mjfish.estimation.intervals import Intervals, intervals, posterior
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.estimation.posterior import posterior
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests

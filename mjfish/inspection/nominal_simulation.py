@@ -29,8 +29,7 @@ from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.inspection.correction import redriven, reread
-from mjfish.inspection.finding import Finding
+from mjfish.inspection.finding import Finding, redriven, reread
 from mjfish.inspection.runs import beats
 from mjfish.model import Model
 

@@ -12,9 +12,9 @@ from mjfish import sample
 from mjfish.block_angular import BlockAngular
 from mjfish.effects import find
 from mjfish.estimation import Identification, fit, identify
-from mjfish.estimation.posterior import posterior as posterior_of
-from mjfish.estimation.scatter import scatter
+from mjfish.estimation.intervals import posterior as posterior_of
 from mjfish.estimation.settings import Settings
+from mjfish.estimation.stability import scatter
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
