@@ -7,17 +7,26 @@ run better, for nobody knows the walk of the next one: so it has no held-out fig
 A single run may hold all of a misfit: something happened in it that is in no other. Two causes and more, fitted to all
 runs, can imitate what was odd in one. The nominal model is fitted without it, and the joint score of all candidates and
 the omnibus basis say whether the others contradict it at all.
+
+Corrections of the data that findings propose are rows, too: a flipped channel is a hypothesis like a cause. The nominal
+model is fitted to the data as they stand and as they would be if the finding were true, each under the
+white noise sigma that its third differences show. Of the numbers y as they were measured, n of every channel c,
+
+    log L = - 1/2 |r|^2 - n sum_c log sigma_c + sum_runs n_r sum_c log |y_c|,
+
+up to a constant that both have: the last term is the Jacobian of a change of units. Twice what a correction adds is its
+evidence. A finding whose correction explains no more than chance does blocks nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.combinations import find_combinations, to_optimum
 from mjfish.diagnosis.evidence import Evidence, gather, tail
@@ -32,9 +41,11 @@ from mjfish.diagnosis.table import Comparison, Estimate, Names, Row, Table, esti
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.effects.clock_wander import ClockWander
-from mjfish.estimation import fit
+from mjfish.estimation import Fit, Noise, fit
 from mjfish.estimation.clock_wander import log_likelihood_gained, walk_size
+from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
+from mjfish.estimation.nominal import first_sigma, nominal_problem
 from mjfish.estimation.residual import channel_errors
 from mjfish.inspection import Finding
 
@@ -236,4 +247,69 @@ def odd_run(trials: Sequence[Trial], odd: int) -> Finding:
         if repeated
         else "repeat it: alone at its drive, it cannot be told from a cause that shows only there",
         trials=(name,),
+    )
+
+
+#: Keeps the logarithm of a channel that stands still finite.
+_STILL = 1e-300
+
+
+def weighed(blocks: tuple[Finding, ...], dataset: Dataset) -> tuple[dict[Finding, Finding], tuple[Row, ...]]:
+    """Return the refuted findings as suspects, and a row for every correction whose fit did not diverge.
+
+    Args:
+        blocks: findings with which no verdict could be given.
+        dataset: as it was measured.
+    """
+    rows = dict(_corrections(blocks, dataset))
+    refuted = {finding: _refuted(finding) for finding, row in rows.items() if row.p_value >= THRESHOLDS.keep}
+    return refuted, tuple(rows.values())
+
+
+def _refuted(finding: Finding) -> Finding:
+    found = f"{finding.found}; yet corrected so, the nominal model fits no better"
+    return replace(finding, severity="suspect", found=found)
+
+
+def _corrections(blocks: tuple[Finding, ...], dataset: Dataset) -> Iterator[tuple[Finding, Row]]:
+    """Yield the findings that propose a correction, and their rows."""
+    proposed = [(finding, finding.corrected(dataset)) for finding in blocks if finding.corrected is not None]
+    if not proposed:
+        return
+    nominal = _nominal_fit(dataset)
+    for finding, corrected in proposed:
+        found = _nominal_fit(corrected)
+        if not (nominal.lost or found.lost):
+            yield (
+                finding,
+                _correction(
+                    finding, 2.0 * (_log_likelihood(found, corrected) - _log_likelihood(nominal, dataset)), found
+                ),
+            )
+
+
+def _nominal_fit(dataset: Dataset) -> Fit:
+    """Fit the nominal model to all trials, for held-out ones may be read wrongly, too."""
+    dataset = aligned(dataset)
+    problem = nominal_problem(dataset, dataset.trials, Noise.white(first_sigma(dataset.trials)))
+    return fit(problem, problem.start(), tolerance=1e-4)
+
+
+def _log_likelihood(found: Fit, dataset: Dataset) -> float:
+    """Return log L of a fit to a dataset; channels that were not measured do not count."""
+    spread = np.log(first_sigma(dataset.trials))
+    sizes = [
+        len(trial.time) * (np.log(np.linalg.norm(trial.velocity, axis=0) + _STILL) - spread) for trial in dataset.trials
+    ]
+    return float(np.nansum(sizes) - 0.5 * found.sse)
+
+
+def _correction(finding: Finding, gain: float, found: Fit) -> Row:
+    """Return the row of a correction; the choice counts as one parameter."""
+    name, rank = f"{finding.code} ({finding.place})", found.count - len(found.x)
+    return replace(
+        Row.apart(name, finding.found, finding.code, gain, found.status),
+        tests={"noise": tail(found.sse, rank)},
+        excess=max(found.sse - rank, 0.0),
+        rank=rank,
     )

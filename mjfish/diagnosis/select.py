@@ -38,8 +38,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.block_angular import block_angular
 from mjfish.data import Trial
-from mjfish.diagnosis.by_run import ByRun, flipped_p
-from mjfish.diagnosis.evidence import Evidence, gather, tail, unscored, with_scores
+from mjfish.diagnosis.evidence import ByRun, Evidence, flipped_p, gather, tail, unscored, with_scores
 from mjfish.diagnosis.failures import NOMINAL, finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth

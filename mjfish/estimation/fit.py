@@ -552,32 +552,26 @@ def multistart(
         scouts.append(scout)
         if tell is not None:
             tell(len(scouts) / (len(points) + 1))
-    costs = np.array([scout.cost for scout in scouts])
+    optima, costs, evaluations = (np.array(column) for column in zip(*scouts, strict=True))
     order = int(np.argmin(costs))
-    best = fit(problem, scouts[order].x, **robust)  # type: ignore[arg-type]
+    best = fit(problem, optima[order], **robust)  # type: ignore[arg-type]
     costs[order] = min(costs[order], _cost(best))
     slack = max(SAME * float(costs.min()), 1.0)
     return MultiStart(
-        best=replace(best, evaluations=best.evaluations + sum(scout.evaluations for scout in scouts)),
+        best=replace(best, evaluations=best.evaluations + int(evaluations.sum())),
         costs=costs,
-        optima=np.array([scout.x for scout in scouts]),
+        optima=optima,
         reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Scout:
-    """What is kept of a fit on its way: where it ended (p,), its cost, infinite where it diverged, its evaluations."""
+def scouted(problem: Problem, start: FloatArray, **settings: Any) -> tuple[FloatArray, float, int]:
+    """Return where a `fit` from a start, with these settings, ends (p,), its cost, and its evaluations.
 
-    x: FloatArray
-    cost: float
-    evaluations: int
-
-
-def scouted(problem: Problem, start: FloatArray, **settings: Any) -> Scout:
-    """Return where a `fit` from a start, with these settings, ends; one that failed is as bad as one that diverged."""
+    One that failed is as bad as one that diverged: its cost is infinite.
+    """
     found = fit(problem, start, **settings)
-    return Scout(found.x, _cost(found), found.evaluations)
+    return found.x, _cost(found), found.evaluations
 
 
 def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:

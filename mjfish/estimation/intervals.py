@@ -32,7 +32,7 @@ both is wide along that hyperbola and leaves it. So the coefficient is held, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -251,9 +251,6 @@ class _Point:
     others: FloatArray
 
 
-Refit = Callable[[Problem, FloatArray], Fit]
-
-
 def profile(
     problem: Problem,
     fitted: Fit,
@@ -261,7 +258,6 @@ def profile(
     *,
     level: float = 0.95,
     known: Intervals | None = None,
-    refit: Refit = fit,
 ) -> Profile:
     """Profile a parameter: refit all others with it held at values stepping outwards until the threshold or a bound.
 
@@ -271,7 +267,6 @@ def profile(
         name: of a free parameter.
         level: of the interval.
         known: intervals of the fit, made here where they are not given.
-        refit: fits a problem from a start.
 
     Raises:
         UnknownNameError: no free parameter has that name.
@@ -284,7 +279,7 @@ def profile(
     known = known or intervals(problem, fitted, level=level)
     scale = float(known.inflation[index]) ** 2
     threshold = float(stats.chi2.ppf(level, 1))
-    walk = _Walk(problem, fitted, index, scale, threshold, float(known.sigma[index]), refit)
+    walk = _Walk(problem, fitted, index, scale, threshold, float(known.sigma[index]))
     start = _Point(float(fitted.x[index]), 0.0, np.delete(fitted.x, index))
     down, low, low_side = walk.outwards(start, -1.0)
     up, high, high_side = walk.outwards(start, 1.0)
@@ -318,11 +313,7 @@ def profiles(
 ) -> Iterator[Profile]:
     """Yield the `profile` of each of these parameters, side by side."""
     known = known or intervals(problem, fitted, level=level)
-    return mapped(partial(_profiled, problem, fitted=fitted, known=known, level=level), names, sent=True)
-
-
-def _profiled(problem: Problem, name: str, *, fitted: Fit, known: Intervals, level: float) -> Profile:
-    return profile(problem, fitted, name, level=level, known=known)
+    return mapped(partial(profile, problem, fitted, known=known, level=level), names, sent=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,7 +326,6 @@ class _Walk:
     scale: float
     threshold: float
     sigma: float
-    refit: Refit
 
     def outwards(self, start: _Point, sign: float) -> tuple[list[_Point], float, Side]:
         """Return the points on one side, outwards, the end of the interval there and what it is."""
@@ -375,10 +365,8 @@ class _Walk:
         if len(others) == 0:
             residual = held.residual(others)
             return _Point(value, (float(residual @ residual) - self.fitted.sse) / self.scale, others)
-        refit = self.refit(held, np.clip(others, low, high))
-        if refit.lost:
-            return None
-        return _Point(value, (_objective(refit) - _objective(self.fitted)) / self.scale, refit.x)
+        refit = fit(held, np.clip(others, low, high))
+        return None if refit.lost else _Point(value, (refit.cost - self.fitted.cost) / self.scale, refit.x)
 
     def _slope(self, points: list[_Point]) -> FloatArray:
         """Return how the others follow: the secant of the last two points; at the start the fit's covariance."""
@@ -386,11 +374,6 @@ class _Walk:
             return np.asarray((points[-1].others - points[-2].others) / (points[-1].value - points[-2].value))
         own = float(self.fitted.covariance[self.index, self.index])
         return np.delete(self.fitted.covariance[self.index], self.index) / own if own > 0.0 else np.zeros(1)
-
-
-def _objective(fit: Fit) -> float:
-    """Return what the fit minimised: the sum of squares, or its robust form."""
-    return fit.sse if np.isnan(fit.cost) else fit.cost
 
 
 def _crossing(inside: _Point, outside: _Point, threshold: float) -> float:

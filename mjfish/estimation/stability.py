@@ -42,10 +42,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize, stats
 
-from mjfish.arrays import FloatArray, checked, project_out
+from mjfish.arrays import FloatArray, checked, orthonormal, project_out
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.serial_correlation import Serial, blocks_of, serial_apart
+from mjfish.estimation.serial_correlation import Serial, blocks_of, satterthwaite, serial_apart
 
 #: Share of the mean variance of a residual that every one has at least, so that recordings without noise have some.
 _LEAST = 1e-9
@@ -80,7 +80,7 @@ def _deviations(small: Reduced, places: Sequence[int], widest: FloatArray) -> Fl
     """Return tau (k,) of the parameters at these columns; none is above its `widest` (k,), the width of its bounds."""
     runs, rows, _ = small.factors.shape
     random = small.factors[:, :, places]
-    fixed = span(small.common).reshape(runs, rows, -1)
+    fixed = orthonormal(small.common, RANK).reshape(runs, rows, -1)
     least = max(_LEAST * float(np.einsum("rii->r", small.omega).mean()) / rows, 1e-300)
     omega = small.omega + least * np.eye(rows)
     told = np.einsum("rki,rki->i", random, np.linalg.solve(omega, random)) / runs
@@ -170,13 +170,6 @@ def reduced(problem: Problem, fit: Fit) -> Reduced:
     middles = [found.quadratic_of(r, q) for r, q in enumerate(bases)]
     names = tuple(block.trial for block in blocks)
     return Reduced(names, found, tuple(bases), np.array(factors), np.array(residual), np.array(middles))
-
-
-def span(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of the span of columns, each first scaled to length 1."""
-    length = np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns[:, length > 0.0] / length[length > 0.0], full_matrices=False)
-    return np.asarray(left[:, checked(singular) > RANK * singular.max(initial=0.0)])
 
 
 @dataclass(frozen=True)
@@ -283,7 +276,7 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
     u, singular, _ = np.linalg.svd(columns / np.where(length > 0.0, length, 1.0), full_matrices=False)
     u = u * (singular > RANK)[:, None, :]
     c = _common(small.common, small)
-    left, sizes, _ = np.linalg.svd(_stacked(_beside(u, c)), full_matrices=False)
+    left, sizes, _ = np.linalg.svd(np.concatenate(_beside(u, c)), full_matrices=False)
     d = left[:, sizes > RANK].reshape(*c.shape[:2], np.count_nonzero(sizes > RANK))
     if np.count_nonzero(singular > RANK) + d.shape[2] == c.shape[2]:
         return 0.0, (0.0, 0.0), 1.0
@@ -296,8 +289,9 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
     first = float(total**2 / max(float(square), 1e-300))
     values, vectors = np.linalg.eigh(u @ np.swapaxes(u, 1, 2) + (few * sign) @ np.swapaxes(few, 1, 2))
     roots = vectors * np.sqrt(np.maximum(checked(values), 0.0))[:, None, :]
-    parts = (q @ root for q, root in zip(small.bases, roots, strict=True))
-    second = max(float(small.found.degrees_of_freedom(parts, total=True)[0]), 1.0)
+    parts = enumerate(zip(small.bases, roots, strict=True))
+    moments = np.sum([small.found.moments(r, q @ root, total=True) for r, (q, root) in parts], axis=0)
+    second = max(float(satterthwaite(*moments)[0]), 1.0)
     inside = np.einsum("rki,rk->i", few, small.residual)
     explained = np.sum(np.einsum("rki,rk->ri", u, small.residual) ** 2) + inside**2 @ sign
     statistic = max(float(explained), 0.0) / total
@@ -306,14 +300,8 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
 
 def _common(columns: FloatArray, small: Reduced) -> FloatArray:
     """Return an orthonormal basis (trials, k, c) of columns (trials k, m)."""
-    basis = span(columns)
+    basis = orthonormal(columns, RANK)
     return basis.reshape(*small.residual.shape, basis.shape[1])
-
-
-def _stacked(columns: FloatArray) -> FloatArray:
-    """Return columns (trials, k, c), which may be none, as (trials k, c)."""
-    trials, rows, count = columns.shape
-    return columns.reshape(trials * rows, count)
 
 
 def _beside(own: FloatArray, columns: FloatArray) -> FloatArray:
@@ -334,7 +322,7 @@ def _moved(name: str, value: float, small: Reduced, place: int) -> Moved:
     moving, size = length > 0.0, np.where(length > 0.0, length, 1.0)
     u = columns / size[:, None, None]
     others = _common(np.delete(small.common, place, axis=1), small)
-    left, singular, right = np.linalg.svd(_stacked(_beside(u, others)), full_matrices=False)
+    left, singular, right = np.linalg.svd(np.concatenate(_beside(u, others)), full_matrices=False)
     solid = singular > RANK
     steps = (left[:, solid] @ (right[solid] / singular[solid, None])).reshape(others.shape)  # of b, transposed
     along = np.einsum("rki,rko->ro", u, others) / size[:, None]

@@ -28,9 +28,8 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.frames import CHANNELS
-from mjfish.inspection.finding import Finding, resumed
+from mjfish.inspection.finding import Finding, Inspection, resumed
 from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
-from mjfish.inspection.result import Inspection
 from mjfish.noise import DifferentiationNoise, Noise
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.

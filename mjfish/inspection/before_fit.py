@@ -19,12 +19,11 @@ from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
 from mjfish.frames import CHANNELS
 from mjfish.inspection import nominal_simulation as nominal
-from mjfish.inspection.finding import EVERYTHING, Finding
+from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
 from mjfish.inspection.kinematics import compatibility, disagreements
-from mjfish.inspection.nominal_simulation import Drive, Guess
+from mjfish.inspection.nominal_simulation import Drive
 from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
-from mjfish.inspection.result import Inspection
 from mjfish.inspection.runs import missing_runs
 from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck, unresolved
 from mjfish.model import Model
@@ -102,20 +101,6 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
 
-@dataclass(frozen=True, eq=False)
-class _Guessed:
-    """A trial with its nominal simulations, one a set of coefficients."""
-
-    trial: Trial
-    guesses: list[Guess]
-
-    @property
-    def nearest(self) -> Guess:
-        """The guess whose surge is nearest to the measured one."""
-        apart = [float(np.sum((self.trial.velocity[:, 0] - guess.velocity[:, 0]) ** 2)) for guess in self.guesses]
-        return self.guesses[int(np.argmin(apart))]
-
-
 def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
     """Hold trials against the nominal simulation: units, signs, labels, starts."""
     model = Model(dataset.fish)
@@ -125,18 +110,17 @@ def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatA
     scores: dict[str, dict[nominal.Reading, float]] = {}
     kept = []
     for trial in trials:
-        every = [nominal.guesses(model, trial, [trial.drive], values)[0] for values in sets]
-        guess = _Guessed(trial, [one for one in every if one is not None])
-        if not guess.guesses:
+        every = [nominal.guess(model, trial, values) for values in sets]
+        guesses = [shifted for shifted in every if shifted is not None]
+        if not guesses:
             continue
-        starts = list(nominal.start_findings(trial, guess.nearest.velocity, noise))
+        apart = [np.sum((trial.velocity[:, 0] - nominal.unshifted(shifted)[:, 0]) ** 2) for shifted in guesses]
+        starts = list(nominal.start_findings(trial, nominal.unshifted(guesses[int(np.argmin(apart))]), noise))
         found += starts
         if any(finding.severity == "blocks" for finding in starts):
             continue
-        size = nominal.size(trial, guess.guesses)
-        if size is not None:
-            sizes[trial.name] = size
-        scores[trial.name] = nominal.scores(trial, guess.guesses)
+        sizes[trial.name] = nominal.size(trial, guesses)
+        scores[trial.name] = nominal.scores(trial, guesses)
         kept.append(trial)
     turned = [*nominal.units(sizes), *nominal.signs(scores)]
     found += turned

@@ -18,7 +18,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 from scipy.spatial import cKDTree
 
 from mjfish.arrays import BoolArray, FloatArray, robust_sigma
@@ -233,9 +233,18 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     repeating = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
     if len(same) * float(np.prod(repeating)) < _LEVEL and frozen.any():
         yield _frozen(trial, frozen)
-    for channel in range(3):
+    for channel, name in enumerate(CHANNELS):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
-            yield _silent(trial, channel)
+            yield Finding(
+                "stuck-silent",
+                "blocks",
+                f"trial '{trial.name}', {name}",
+                f"every value is {trial.velocity[0, channel] + 0.0:.4g} {UNITS[name]}: the channel was not recorded",
+                "a channel that moves with the fish",
+                "give the recorded channel, or leave the trial out",
+                trials=(trial.name,),
+                channels=(name,),
+            )
             continue
         found = _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving)
         if found:
@@ -247,20 +256,6 @@ def without_rows(trial: Trial) -> str:
     if trial.joint_angle is None:
         return "remove these rows and say gaps = true in the trial's entry"
     return "remove these rows and cut the run there into two trials, for between recorded joint angles no row may miss"
-
-
-def _silent(trial: Trial, channel: int) -> Finding:
-    name = CHANNELS[channel]
-    return Finding(
-        "stuck-silent",
-        "blocks",
-        f"trial '{trial.name}', {name}",
-        f"every value is {trial.velocity[0, channel] + 0.0:.4g} {UNITS[name]}: the channel was not recorded",
-        "a channel that moves with the fish",
-        "give the recorded channel, or leave the trial out",
-        trials=(trial.name,),
-        channels=(name,),
-    )
 
 
 def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
@@ -446,10 +441,8 @@ def _nearest(first: FloatArray, second: FloatArray) -> tuple[int, int]:
     Sum (a - b)^2 over what overlaps = sums of squares, which grow with the overlap, less twice the correlation.
     """
     n, m = len(first), len(second)
-    length = n + m
-    spectrum = np.fft.rfft(first, length, axis=0) * np.conj(np.fft.rfft(second, length, axis=0))
-    lags = np.arange(-(m - 1), n)
-    correlation = np.fft.irfft(spectrum.sum(axis=1), length)[lags]
+    lags = signal.correlation_lags(n, m)
+    correlation = sum(signal.correlate(*channels, method="fft") for channels in zip(first.T, second.T, strict=True))
     start, stop = np.maximum(lags, 0), np.minimum(lags + m, n)
     squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (first, second))
     power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]

@@ -87,15 +87,17 @@ def select(
             return Noise.white(stated), ""
         what = "the stated noise does not fit the data; estimated instead"
     sigma, least = left.sigma, floor(left.trials)
-    models: dict[float, Noise] = {}
-    words: dict[float, str] = {}
-    for step, index in by_step(left.trials).items():
-        # of the noise itself: innovations of a blue one may be far smaller
-        floored = Noise.white(np.maximum(sigma, least)) if stated is None and np.any(sigma < least) else None
-        models[step], words[step] = _at_one_step(left.of_trials(index), floored, jacobians, patterns)
-    if len(models) == 1:
-        return next(iter(models.values())), f"noise: {what} ({next(iter(words.values()))})"
-    listed = "; ".join(f"every {step:g} s: {text}" for step, text in words.items())
+    # of the noise itself: innovations of a blue one may be far smaller
+    floored = Noise.white(np.maximum(sigma, least)) if stated is None and np.any(sigma < least) else None
+    found = {
+        step: _at_one_step(left.of_trials(index), floored, jacobians, patterns)
+        for step, index in by_step(left.trials).items()
+    }
+    if len(found) == 1:
+        ((noise, words),) = found.values()
+        return noise, f"noise: {what} ({words})"
+    listed = "; ".join(f"every {step:g} s: {words}" for step, (_, words) in found.items())
+    models = {step: noise for step, (noise, _) in found.items()}
     return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
 
 
