@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, Trial
+from mjfish.data import Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared, odd_run
@@ -75,7 +75,7 @@ def assemble(
             *failed_remarks(parts.failures),
             *remarks(screening.remark, evidence.fit, converged, held_out.trials),
             *joints,
-            *_of_sensors(dataset),
+            *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
         checks=checks,
@@ -100,7 +100,7 @@ def assemble(
         posterior=drawn,
         overlays=tuple(_overlays(evidence, best, held_out)),
         problem=evidence.problem,
-        fits=tuple(_fits(evidence, compared)),
+        fits=_fits(evidence, compared),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
         **views,
@@ -116,18 +116,11 @@ def _causes(compared: Compared, best: Refit | None) -> Iterator[Cause]:
         yield Cause(name, row.causes[name], {full.partition(".")[2]: size for full, size in row.sizes.items()})
 
 
-def _of_sensors(dataset: Dataset) -> Iterator[str]:
-    """Yield what is to be said of the sensors of every run."""
-    for trial in dataset.trials:
-        yield from (f"{trial.name}: {own}" for sensor in trial.sensors for own in sensor.remarks)
-
-
-def _fits(evidence: Evidence, compared: Compared) -> Iterator[FittedModel]:
-    """Yield the nominal model at its fit, then those with single causes."""
-    yield FittedModel.of((), evidence.problem, evidence.fit)
-    for refit in compared.refits.values():
-        if len(refit.names) == 1:
-            yield FittedModel.of(refit.names, refit.problem, refit.fit)
+def _fits(evidence: Evidence, compared: Compared) -> tuple[FittedModel, ...]:
+    """Return the nominal model at its fit, then those with single causes."""
+    alone = (refit for refit in compared.refits.values() if len(refit.names) == 1)
+    singles = (FittedModel.of(refit.names, refit.problem, refit.fit) for refit in alone)
+    return (FittedModel.of((), evidence.problem, evidence.fit), *singles)
 
 
 def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[str, Any]:

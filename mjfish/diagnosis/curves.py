@@ -302,10 +302,9 @@ def _normal(link: int, speed: float, fish: _Fish, angles: FloatArray) -> FloatAr
 
 def _tail(refit: Refit) -> Iterator[_Form]:
     """Return the moment of the tail's spring by its deflection."""
-    problem, bent = refit.problem, []
-    for trial in problem.trials:
-        bent.append(problem.prediction(trial, {**problem.fixed, **refit.fit.values}).rollout.state[:, 0, 6])
-    deflection = np.abs(np.concatenate(bent))
+    problem, values = refit.problem, {**refit.problem.fixed, **refit.fit.values}
+    rollouts = [problem.prediction(trial, values).rollout for trial in problem.trials]
+    deflection = np.abs(np.concatenate([rollout.state[:, 0, 6] for rollout in rollouts]))
     at = np.linspace(0.0, 1.2 * max(float(np.nanquantile(deflection, 0.999)), 1e-6), _POINTS)
     visits = deflection[np.isfinite(deflection)], deflection[np.isfinite(deflection)] ** 2
     yield _Form("moment", "tail", ("deflection", "rad"), ("moment", "N m"), at, _moment, visits)

@@ -431,7 +431,8 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callabl
         other = replace(problem, noise=noise)
         residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
         residual[other.measured :] = other.known_rows(x)[0]
-        seen = evidence.fit.having(residual=residual, jacobian=jacobian)
+        linearised = replace(evidence.fit.linearised(), jacobian=jacobian)
+        seen = replace(evidence.fit, residuals=always(residual), linearised=always(linearised))
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 

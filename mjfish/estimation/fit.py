@@ -279,15 +279,6 @@ class Fit:
         """Covariance (p, p) of the estimates; rows and columns of parameters at a bound are zero."""
         return self.linearised().covariance
 
-    def having(self, **other: Any) -> Fit:
-        """Return the fit with other attributes, `residual`, `jacobian` and `covariance` among them."""
-        if "residual" in other:
-            other["residuals"] = always(other.pop("residual"))
-        large = {name: other.pop(name) for name in ("jacobian", "covariance") if name in other}
-        if large:
-            other["linearised"] = always(replace(self.linearised(), **large))
-        return replace(self, **other)
-
     @property
     def lost(self) -> bool:
         """Whether it says nothing about the data: it diverged or failed."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
@@ -12,7 +12,6 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.data.sensor import first_sensor_sigma
 from mjfish.effects import catalogue
-from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
@@ -42,7 +41,8 @@ def nominal_problem(
         InputError, ParameterError: what is known contradicts itself.
     """
     given = _beforehand(dataset)
-    model = Model(dataset.fish, tuple(_known_effects(given)))
+    known = (effect for name, effect in catalogue().items() if any(key.startswith(f"{name}.") for key in given))
+    model = Model(dataset.fish, tuple(known))
     free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
     problem = Problem(
         model,
@@ -76,13 +76,6 @@ def _beforehand(dataset: Dataset) -> dict[str, Beforehand]:
     """Return what is known of parameters: as the dataset says, and by how it was taken."""
     taken = (effect.beforehand(dataset) for effect in catalogue().values())
     return {**{name: known for own in taken for name, known in own.items()}, **dataset.known}
-
-
-def _known_effects(given: Mapping[str, Beforehand]) -> Iterator[Effect]:
-    """Yield the causes of whose parameters something is known."""
-    for name, effect in catalogue().items():
-        if any(key.startswith(f"{name}.") for key in given):
-            yield effect
 
 
 def _declared(given: Mapping[str, Beforehand], parameters: Sequence[Parameter]) -> dict[str, Parameter]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_fit import having
 from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish import sample
@@ -58,7 +59,7 @@ def test_what_the_data_do_not_say_is_as_wide_as_its_bounds(pike: Fish, found: Id
     silent = found.fit.jacobian.dense()
     silent[:, 6] = 0.0
     unsaid = posterior_of(
-        found.problem, found.fit.having(jacobian=BlockAngular.of(silent)), pike, {}, correlated=correlated
+        found.problem, having(found.fit, jacobian=BlockAngular.of(silent)), pike, {}, correlated=correlated
     )
     p = found.fit.parameters[6]
     assert np.sqrt(unsaid.covariance[6, 6]) == pytest.approx(p.high - p.low, rel=1e-9)
