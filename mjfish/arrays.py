@@ -45,14 +45,17 @@ def checked(found: NDArray[np.floating[Any]]) -> FloatArray:
 RANK = 1e-9
 
 
-def orthonormal(columns: FloatArray) -> FloatArray:
-    """Return an orthonormal basis (n, rank) of the span of `columns` (n, k), each first scaled to length 1."""
+def orthonormal(columns: FloatArray, least: float = RANK) -> FloatArray:
+    """Return an orthonormal basis (n, rank) of the span of `columns` (n, k), each first scaled to length 1.
+
+    Directions weaker than the share `least` of the strongest are left out.
+    """
     lengths = np.linalg.norm(columns, axis=0)
     kept = columns[:, lengths > 1e-300] / lengths[lengths > 1e-300]
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
     left, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    return np.asarray(left[:, checked(singular) > RANK * singular[0]])
+    return np.asarray(left[:, checked(singular) > least * singular[0]])
 
 
 def project_out(basis: FloatArray, columns: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.inspection.known_numbers import contradicted
+from mjfish.inspection.after_fit import contradicted
 from mjfish.known import Beforehand
 from mjfish.noise import Noise
 from mjfish.parameter import Parameter

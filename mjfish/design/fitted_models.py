@@ -24,9 +24,8 @@ from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.noise_of_fit import restore
-from mjfish.estimation.nominal import nominal_problem
+from mjfish.estimation.nominal import first_sigma, nominal_problem
 from mjfish.noise.autoregressive import estimate
 
 _TOLERANCE = 1e-6

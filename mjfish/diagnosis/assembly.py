@@ -1,4 +1,7 @@
-"""A diagnosis put together from its steps, and one that could not be finished, with the reasons."""
+"""A diagnosis put together from its steps, and one that could not be finished, with the reasons.
+
+It has all candidates: how each of them fared, those too that failed or that the dataset cannot show.
+"""
 
 from __future__ import annotations
 
@@ -10,34 +13,33 @@ from typing import Any
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.data import Dataset, Trial
+from mjfish.data import Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.candidate_table import candidate_table, failed_candidates, undetectable
-from mjfish.diagnosis.compared import Compared
+from mjfish.diagnosis.compared import Compared, odd_run
 from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
-from mjfish.diagnosis.estimate import Estimate, estimates
-from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.evidence import Evidence, p_value_of
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
-from mjfish.diagnosis.lone_run import odd_run
 from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
 from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.result import Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.screening import Screening
+from mjfish.diagnosis.table import Estimate, Row, estimates
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.diagnosis.where import locate
+from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.identification import identified_fish
-from mjfish.estimation.posterior import posterior
+from mjfish.estimation.intervals import posterior
 from mjfish.estimation.residual import SensorResidual, of_sensors
-from mjfish.estimation.scatter import scatter
 from mjfish.estimation.sensor_noise import joints_in_words
+from mjfish.estimation.stability import scatter
 from mjfish.inspection import Inspection
-from mjfish.inspection.known_numbers import contradicted
+from mjfish.inspection.after_fit import contradicted
 from mjfish.model.posterior import Posterior
 
 
@@ -73,7 +75,7 @@ def assemble(
             *failed_remarks(parts.failures),
             *remarks(screening.remark, evidence.fit, converged, held_out.trials),
             *joints,
-            *_of_sensors(dataset),
+            *(f"{trial.name}: {own}" for trial in dataset.trials for sensor in trial.sensors for own in sensor.remarks),
             *([] if evidence.problem.samples else [SMOOTHED]),
         ),
         checks=checks,
@@ -98,7 +100,7 @@ def assemble(
         posterior=drawn,
         overlays=tuple(_overlays(evidence, best, held_out)),
         problem=evidence.problem,
-        fits=tuple(_fits(evidence, compared)),
+        fits=_fits(evidence, compared),
         effects={effect.name: effect for effect in begun.candidates},
         provenance=provenance(dataset, begun.candidates, begun.seed),
         **views,
@@ -114,18 +116,11 @@ def _causes(compared: Compared, best: Refit | None) -> Iterator[Cause]:
         yield Cause(name, row.causes[name], {full.partition(".")[2]: size for full, size in row.sizes.items()})
 
 
-def _of_sensors(dataset: Dataset) -> Iterator[str]:
-    """Yield what is to be said of the sensors of every run."""
-    for trial in dataset.trials:
-        yield from (f"{trial.name}: {own}" for sensor in trial.sensors for own in sensor.remarks)
-
-
-def _fits(evidence: Evidence, compared: Compared) -> Iterator[FittedModel]:
-    """Yield the nominal model at its fit, then those with single causes."""
-    yield FittedModel.of((), evidence.problem, evidence.fit)
-    for refit in compared.refits.values():
-        if len(refit.names) == 1:
-            yield FittedModel.of(refit.names, refit.problem, refit.fit)
+def _fits(evidence: Evidence, compared: Compared) -> tuple[FittedModel, ...]:
+    """Return the nominal model at its fit, then those with single causes."""
+    alone = (refit for refit in compared.refits.values() if len(refit.names) == 1)
+    singles = (FittedModel.of(refit.names, refit.problem, refit.fit) for refit in alone)
+    return (FittedModel.of((), evidence.problem, evidence.fit), *singles)
 
 
 def _views(begun: Begun, screening: Screening, concluded: Conclusion) -> dict[str, Any]:
@@ -240,3 +235,58 @@ def _posterior(problem: Problem, found: Fit) -> Posterior | None:
         return None
     fish = identified_fish(problem.model.fish, found, problem.fixed)
     return posterior(problem, found, fish, scatter(problem, found), correlated=False)
+
+
+#: Said of a refit that was too far behind the best to be followed.
+_ROUGH = "Its refit was not followed to its optimum: what it explains is a lower bound, its size is rough."
+
+
+def candidate_table(begun: Begun, evidence: Evidence, compared: Compared) -> tuple[Candidate, ...]:
+    """Return how every candidate fared, best first, then those that failed."""
+    rows, found = {row.names: row for row in compared.table.rows}, []
+    for effect in begun.known.values():
+        row = rows.get((effect.name,))
+        if effect.learned or (effect.random and not begun.reasons[effect.name]):
+            if row is not None:
+                found.append(Candidate(effect.name, True, remark=_remark(row), row=row))
+        elif reason := begun.reasons[effect.name]:
+            found.append(Candidate(effect.name, False, remark=reason))
+        else:
+            found.append(_scored(effect, evidence, row))
+    return (*sorted(found, key=lambda candidate: -candidate.evidence), *failed_candidates(begun))
+
+
+def _scored(effect: Effect, evidence: Evidence, row: Row | None) -> Candidate:
+    """Return a candidate with its score at the fit of the nominal model."""
+    name = effect.name
+    unidentifiable = evidence.unidentifiable(name)
+    score = 0.0 if unidentifiable else evidence.statistic(name)
+    return Candidate(
+        name=name,
+        applicable=True,
+        score=score,
+        score_p=p_value_of(score, len(effect.amplitudes())),
+        confounded=evidence.confounded(name),
+        minimum_detectable=evidence.minimum_detectable(name) if effect.smooth and not unidentifiable else None,
+        remark=_remark(row),
+        row=row,
+    )
+
+
+def _remark(row: Row | None) -> str:
+    return _ROUGH if row is not None and row.status != "converged" else ""
+
+
+def failed_candidates(begun: Begun) -> tuple[Candidate, ...]:
+    """Return the candidates that failed."""
+    reasons = begun.parts.failures
+    return tuple(Candidate(e.name, True, failure=reasons[e.name]) for e in begun.candidates if e.name in reasons)
+
+
+def undetectable(candidates: Sequence[Candidate], evidence: Evidence) -> dict[str, str]:
+    """Return the causes that these data cannot show, whatever their size, and why."""
+    reasons = {candidate.name: candidate.remark for candidate in candidates if not candidate.applicable}
+    for effect in evidence.candidates:
+        if evidence.unidentifiable(effect.name):
+            reasons[effect.name] = "the free coefficients hide all of it; fix one that was measured apart"
+    return reasons

@@ -14,11 +14,10 @@ from functools import cache, partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS
@@ -99,7 +98,7 @@ def _searched(
     most = max((refit.gain for refit in known.values()), default=0.0)
     bases = _best(refit for refit in known.values() if not small or refit.gain >= (1.0 - share_of(refit)) * most)
     best: Comparison | None = None
-    goodness = _goodness(candidates, held_out)
+    goodness = Goodness([effect for effect in candidates if not effect.learned], held_out)  # by their joint score
     evidence = cache(partial(_beside, candidates))
     pays = partial(beats_smaller_sets, small=small)
     for size in (2,) if small else range(2, LARGEST + 1):
@@ -276,11 +275,6 @@ def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit], *, small: boo
 
     smaller = [other for names, other in known.items() if len(names) < len(refit.names)]
     return all(refit.adjusted - other.adjusted - other.promise >= margin(other) for other in smaller)
-
-
-def _goodness(candidates: Sequence[Effect], held_out: HeldOut) -> Goodness:
-    """Return the goodness of fit by the joint score of the formulas."""
-    return Goodness([effect for effect in candidates if not effect.learned], held_out)
 
 
 def _confirmed(found: Comparison, known: Mapping[Names, Refit], held_out: HeldOut) -> Comparison:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared
-from mjfish.diagnosis.domain import explaining_domain
 from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
 from mjfish.diagnosis.held_out import HeldOut
+from mjfish.diagnosis.isolability import explaining_domain
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.table import Row

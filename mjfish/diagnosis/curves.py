@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -261,23 +262,20 @@ def _drag(refit: Refit) -> Iterator[_Form]:
                 speed = np.abs(np.concatenate([v[:, i, None] + w[:, i, None] * r for i, r in pairs], axis=1))
             at = np.geomspace(0.02 * top, 1.5 * top, _POINTS)
             yield _Form(
-                kind, group, ("speed", "m/s"), (kind, "-"), at, _coefficient(kind, own[0]),
+                kind, group, ("speed", "m/s"), (kind, "-"), at, partial(_coefficient, kind, own[0]),
                 (speed.ravel(), speed.ravel() ** 4),
             )  # fmt: skip
 
 
-def _coefficient(kind: str, link: int) -> Callable[[_Fish, FloatArray], FloatArray]:
-    def value(fish: _Fish, speeds: FloatArray) -> FloatArray:
-        outline = outlines(fish.run.fish)[link]
-        area = outline.wetted if kind == "c_f" else outline.height_moment[-1, 0]
-        found = []
-        for speed in speeds:
-            u, v = (speed, 0.0) if kind == "c_f" else (0.0, speed)
-            force = np.add(fish.force(link, u, v), drag(fish.records[link])[:2])[0 if kind == "c_f" else 1]
-            found.append(-2.0 * force / (fish.run.fish.density * area * speed**2))
-        return np.array(found)
-
-    return value
+def _coefficient(kind: str, link: int, fish: _Fish, speeds: FloatArray) -> FloatArray:
+    outline = outlines(fish.run.fish)[link]
+    area = outline.wetted if kind == "c_f" else outline.height_moment[-1, 0]
+    found = []
+    for speed in speeds:
+        u, v = (speed, 0.0) if kind == "c_f" else (0.0, speed)
+        force = np.add(fish.force(link, u, v), drag(fish.records[link])[:2])[0 if kind == "c_f" else 1]
+        found.append(-2.0 * force / (fish.run.fish.density * area * speed**2))
+    return np.array(found)
 
 
 def _lift(refit: Refit) -> Iterator[_Form]:
@@ -292,25 +290,21 @@ def _lift(refit: Refit) -> Iterator[_Form]:
         at = np.linspace(0.0, 1.5, _POINTS)
         speed = float(np.sqrt(np.mean(along**2 + across**2)))
         yield _Form(
-            "c_n", group, ("angle_of_attack", "rad"), ("c_n", "-"), at, _normal(own[-1], speed), visits
+            "c_n", group, ("angle_of_attack", "rad"), ("c_n", "-"), at, partial(_normal, own[-1], speed), visits
         )  # fmt: skip
 
 
-def _normal(link: int, speed: float) -> Callable[[_Fish, FloatArray], FloatArray]:
-    def value(fish: _Fish, angles: FloatArray) -> FloatArray:
-        pressure = 0.5 * fish.run.fish.density * outlines(fish.run.fish)[link].height_moment[-1, 0] * speed**2
-        forces = [fish.force(link, -speed * np.cos(angle), speed * np.sin(angle))[1] for angle in angles]
-        return np.asarray(-np.array(forces) / pressure)
-
-    return value
+def _normal(link: int, speed: float, fish: _Fish, angles: FloatArray) -> FloatArray:
+    pressure = 0.5 * fish.run.fish.density * outlines(fish.run.fish)[link].height_moment[-1, 0] * speed**2
+    forces = [fish.force(link, -speed * np.cos(angle), speed * np.sin(angle))[1] for angle in angles]
+    return np.asarray(-np.array(forces) / pressure)
 
 
 def _tail(refit: Refit) -> Iterator[_Form]:
     """Return the moment of the tail's spring by its deflection."""
-    problem, bent = refit.problem, []
-    for trial in problem.trials:
-        bent.append(problem.prediction(trial, {**problem.fixed, **refit.fit.values}).rollout.state[:, 0, 6])
-    deflection = np.abs(np.concatenate(bent))
+    problem, values = refit.problem, {**refit.problem.fixed, **refit.fit.values}
+    rollouts = [problem.prediction(trial, values).rollout for trial in problem.trials]
+    deflection = np.abs(np.concatenate([rollout.state[:, 0, 6] for rollout in rollouts]))
     at = np.linspace(0.0, 1.2 * max(float(np.nanquantile(deflection, 0.999)), 1e-6), _POINTS)
     visits = deflection[np.isfinite(deflection)], deflection[np.isfinite(deflection)] ** 2
     yield _Form("moment", "tail", ("deflection", "rad"), ("moment", "N m"), at, _moment, visits)
@@ -342,7 +336,7 @@ def _added_mass(refit: Refit) -> Iterator[_Form]:
     for group in dict.fromkeys(link.group for link in fish.links):
         own = [i for i, link in enumerate(fish.links) if link.group == group]
         yield _Form(
-            "c_m", group, ("keulegan_carpenter_number", "-"), ("c_m", "-"), at, _inertia(own[0], fish),
+            "c_m", group, ("keulegan_carpenter_number", "-"), ("c_m", "-"), at, partial(_inertia, own[0], fish),
             (number[:, own].ravel(), weight[:, own].ravel()),
         )  # fmt: skip
 
@@ -359,23 +353,19 @@ def _forgotten(x: FloatArray, step: float) -> FloatArray:
     return np.asarray(lfilter([TAU * (1.0 - decay)], [1.0, -decay], x, axis=0))
 
 
-def _inertia(link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArray]:
+def _inertia(link: int, nominal: Fish, fish: _Fish, numbers: FloatArray) -> FloatArray:
     """Return the part of the force on a swung link that goes with its acceleration, over that at c_m = 1."""
     height = float(_heights(nominal)[link])
     phase = np.pi * np.arange(2 * _BEAT * _BEATS + 1) / _BEAT
     rate = 2.0 * np.pi / (_BEAT * _STEP)
     last = slice(_BEAT * (_BEATS - 1), _BEAT * _BEATS)
-
-    def value(fish: _Fish, numbers: FloatArray) -> FloatArray:
-        own = fish.records[link]
-        found = []
-        for number in numbers:
-            speed = rate * height * np.sqrt(max(number**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
-            force = fish.across(link, speed * np.cos(phase))[last]
-            found.append(2.0 * float(np.mean(force * np.sin(phase[::2][last]))) / (rate * speed))
-        return np.asarray((own["c_m"] * own["added"][0] + np.array(found)) / outlines(nominal)[link].added[0])
-
-    return value
+    own = fish.records[link]
+    found = []
+    for number in numbers:
+        speed = rate * height * np.sqrt(max(number**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
+        force = fish.across(link, speed * np.cos(phase))[last]
+        found.append(2.0 * float(np.mean(force * np.sin(phase[::2][last]))) / (rate * speed))
+    return np.asarray((own["c_m"] * own["added"][0] + np.array(found)) / outlines(nominal)[link].added[0])
 
 
 def _wake(refit: Refit) -> Iterator[_Form]:
@@ -388,32 +378,28 @@ def _wake(refit: Refit) -> Iterator[_Form]:
         for group in dict.fromkeys(link.group for link in fish.links):
             own = next(i for i, link in enumerate(fish.links) if link.group == group)
             yield _Form(
-                kind, group, ("time", "s"), (kind, "-"), steps * _STEP, _response(kind, own, fish),
+                kind, group, ("time", "s"), (kind, "-"), steps * _STEP, partial(_response, kind, own, fish),
                 (times, np.ones_like(times)),
             )  # fmt: skip
 
 
-def _response(kind: str, link: int, nominal: Fish) -> Callable[[_Fish, FloatArray], FloatArray]:
+def _response(kind: str, link: int, nominal: Fish, fish: _Fish, times: FloatArray) -> FloatArray:
     """Return what there is of drag or added momentum some time after a link has been set in motion.
 
     Drag goes with the square of the speed, momentum with the speed: two speeds tell them apart.
     """
-
-    def value(fish: _Fish, times: FloatArray) -> FloatArray:
-        still = np.ones(2 * _SETTLED + 1)
-        once, twice = (fish.across(link, speed * still) for speed in (1.0, 2.0))
-        own = fish.records[link]
-        own["u"], own["v"], own["w"] = 0.0, 1.0, 0.0
-        outline = outlines(nominal)[link]
-        if kind == "c_m":
-            impulse = cumulative_simpson(2.0 * once - 0.5 * twice, dx=_STEP, initial=0.0)
-            found = (own["c_m"] * own["added"][0] - impulse) / outline.added[0]
-        else:
-            force = drag(own)[1] + 0.5 * twice - once
-            found = -2.0 * force / (nominal.density * outline.height_moment[-1, 0])
-        return np.asarray(found[np.round(times / _STEP).astype(int)])
-
-    return value
+    still = np.ones(2 * _SETTLED + 1)
+    once, twice = (fish.across(link, speed * still) for speed in (1.0, 2.0))
+    own = fish.records[link]
+    own["u"], own["v"], own["w"] = 0.0, 1.0, 0.0
+    outline = outlines(nominal)[link]
+    if kind == "c_m":
+        impulse = cumulative_simpson(2.0 * once - 0.5 * twice, dx=_STEP, initial=0.0)
+        found = (own["c_m"] * own["added"][0] - impulse) / outline.added[0]
+    else:
+        force = drag(own)[1] + 0.5 * twice - once
+        found = -2.0 * force / (nominal.density * outline.height_moment[-1, 0])
+    return np.asarray(found[np.round(times / _STEP).astype(int)])
 
 
 def _servo_limit(refit: Refit) -> Iterator[_Form]:

@@ -15,9 +15,8 @@ from mjfish.data import Dataset, load_dataset
 from mjfish.data.validation import check_comparable
 from mjfish.diagnosis.assembly import assemble, unfinished_diagnosis
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.compared import compare
+from mjfish.diagnosis.compared import compare, weighed
 from mjfish.diagnosis.conclusion import conclude
-from mjfish.diagnosis.corrections import weighed
 from mjfish.diagnosis.failures import NOMINAL, PartFailedError, Parts, noting, raised_in, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.implausible_noise import bursts, too_large
@@ -31,8 +30,7 @@ from mjfish.effects import Causes, Effect, catalogue, of_fish
 from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.identification import check_enough, first_sigma
-from mjfish.estimation.nominal import nominal_problem
+from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit

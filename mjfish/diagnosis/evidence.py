@@ -6,6 +6,23 @@ With whitened residuals e, baseline sensitivities J and effect sensitivities S.
 
 All statistics are computed after the baseline's sensitivities are projected out: a refit of the coefficients hides most
 of an effect, and only what survives it can name one. Amplitudes that cannot be negative count only where they are not.
+
+**Single runs.** Columns that they have are tested beyond what the free parameters explain, in time linear in runs. With
+the derivative J of the whitened prediction by the free parameters, an orthonormal basis Q of its span, and columns
+W_r of run r alone, W = diag(W_1 .. W_R): what J and W explain together, less what J does. Nothing as large as W' W is
+kept.
+
+**Flips.** How much of noise with outliers a basis explains by chance: its distribution over all flips of the signs.
+What m orthonormal columns q explain of Gaussian noise is chi2(m). One outlier adds to it by far more. With independent,
+symmetric noise every sign is as likely as the other, given all sizes |z| ([Hemerik2020]), and over all flips
+
+    T = |q'z|^2,  A = q' diag(z^2) q:   mean = tr A,   variance = 2 (|A|^2 - sum_i |q_i|^4 z_i^4)
+
+with rows q_i. A misfit has equal signs in a row: flipped, little of it is left. The tail is that of a multiple of a
+chi2 with this mean and variance.
+
+[Hemerik2020] J. Hemerik, J. Goeman and L. Finos, Robust testing in generalized linear models by sign flipping score
+contributions, JRSS B 82.
 """
 
 from __future__ import annotations
@@ -20,8 +37,7 @@ import numpy as np
 from scipy import special, stats
 
 from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
-from mjfish.block_angular import Basis, BlockAngular, block_angular, span
-from mjfish.diagnosis.by_run import ByRun
+from mjfish.block_angular import Basis, BlockAngular, block_angular, explained, span
 from mjfish.diagnosis.failures import Failure, attempted, failed, note, noted
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
@@ -33,6 +49,58 @@ from mjfish.execution import execution
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.sized_cache import Remade, always
+
+
+def flipped_p(columns: FloatArray, residual: FloatArray) -> float:
+    """Return the p value of what columns (n, k) explain of a residual (n,), over all flips of its signs.
+
+    Args:
+        columns: what the fitted parameters leave of them; they may depend on each other.
+        residual: whitened, of the fit.
+    """
+    axes = Basis((), columns @ principal_axes(columns.T @ columns))
+    return tail_of_flips(axes, Basis((), np.zeros((len(columns), 0))), residual)
+
+
+def tail_of_flips(both: Basis, first: Basis, residual: FloatArray) -> float:
+    """Return the p value of z' (Q Q' - P P') z over all flips of the signs, Q = `both`, P = `first`."""
+    squares, leverage = residual**2, both.leverage() - first.leverage()
+    mean = float(np.sum(leverage * squares))
+    spread = both.square(both, squares) - 2.0 * both.square(first, squares) + first.square(first, squares)
+    variance = 2.0 * float(spread - np.sum((leverage * squares) ** 2))
+    if not min(mean, variance) > 0.0:
+        return 1.0
+    explained = both.explained(residual) - first.explained(residual)
+    return float(stats.chi2.sf(2.0 * explained * mean / variance, 2.0 * mean**2 / variance))
+
+
+@dataclass(frozen=True, eq=False)
+class ByRun:
+    """Columns of single runs beside the parameters of a fit.
+
+    Attributes:
+        jacobian: (n, p) J.
+        basis: Q.
+        columns: (n, k) W: no shared ones.
+    """
+
+    jacobian: BlockAngular
+    basis: Basis
+    columns: BlockAngular
+
+    def statistic(self, cleared: FloatArray) -> tuple[float, int]:
+        """Return what W explains of a residual (n,) that J explains nothing of, and the rank that W adds to J."""
+        both, rank = explained(self.jacobian.beside(self.columns), cleared)
+        return both, rank - self.basis.rank
+
+    def flipped_p(self, cleared: FloatArray) -> float:
+        """Return the p value of the statistic over all flips of signs."""
+        return tail_of_flips(span(self.jacobian.beside(self.columns)), self.basis, cleared)
+
+    def fitted(self, cleared: FloatArray) -> FloatArray:
+        """Return what the columns explain (n,) of a residual."""
+        return np.asarray(cleared - span(self.jacobian.beside(self.columns)).off(cleared))
+
 
 T = TypeVar("T")
 
@@ -363,7 +431,8 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callabl
         other = replace(problem, noise=noise)
         residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
         residual[other.measured :] = other.known_rows(x)[0]
-        seen = evidence.fit.having(residual=residual, jacobian=jacobian)
+        linearised = replace(evidence.fit.linearised(), jacobian=jacobian)
+        seen = replace(evidence.fit, residuals=always(residual), linearised=always(linearised))
         yield gather(other, seen, evidence.candidates, known_signatures)
 
 

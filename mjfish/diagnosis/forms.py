@@ -20,10 +20,9 @@ import numpy as np
 from mjfish.block_angular import span
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
-from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.isolability import prior_precision
 from mjfish.diagnosis.refit import made_smooth, refit_with
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit

@@ -22,8 +22,8 @@ from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.hydro.outline import outlines
 from mjfish.noise.autoregressive import grid
-from mjfish.noise.by_rate import by_step
 from mjfish.noise.process import ProcessNoise, process_noise
+from mjfish.noise.selection import by_step
 
 
 @dataclass(frozen=True, eq=False)

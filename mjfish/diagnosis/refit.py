@@ -1,7 +1,18 @@
-"""Refits: causes fitted together with the coefficients, from several sizes of the effect."""
+"""Refits: causes fitted together with the coefficients, from several sizes of the effect.
+
+The integration step is as long as its error is one that the data cannot see. A refit begins where the score of the
+cause is largest among its shapes: one that begins elsewhere may end in another minimum.
+
+At the null a shape does nothing, and no data say what it is. The score statistic T(s) of the amplitudes at shapes s
+says at which of them the cause would explain most, to first order ([Davies1977]); a sweep over a grid, one shape at a
+time, finds it.
+
+[Davies1977] R. Davies, Biometrika 64: hypothesis testing when a parameter is present only under the alternative.
+"""
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,13 +20,10 @@ from dataclasses import replace
 import numpy as np
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis.evidence import Evidence, p_value_of
-from mjfish.diagnosis.failures import Failure, attempted, failed, note
-from mjfish.diagnosis.fan_out import extended, followed
-from mjfish.diagnosis.integration_step import finer
+from mjfish.diagnosis.evidence import Evidence, p_value_of, signature_rows
+from mjfish.diagnosis.failures import NOMINAL, Failure, attempted, failed, note, sound
 from mjfish.diagnosis.progress import Progress, silent
-from mjfish.diagnosis.refit_result import TOLERANCE, Refit
-from mjfish.diagnosis.shapes import at_best_shapes
+from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import fit_or_raise
@@ -23,6 +31,132 @@ from mjfish.estimation.sensor_noise import having_noise_of
 from mjfish.estimation.smoothness import smoothed
 from mjfish.execution import mapped
 from mjfish.parameter import Parameter, bounds
+from mjfish.sized_cache import always
+
+#: Values of a shape that are tried: so many, or where its bounds are wide, a factor apart. A resonance is narrow.
+_VALUES, _FACTOR = 3, 1.45
+#: Sweeps over all shapes, where there are several.
+_SWEEPS = 2
+
+
+def at_best_shapes(
+    evidence: Evidence, effect: Effect, *, first_alone: bool = False
+) -> tuple[Evidence, dict[str, float]]:
+    """Return the evidence of one candidate at the shapes of its largest score, and these shapes by full name.
+
+    The defaults are among the values tried.
+
+    Args:
+        evidence: of the model without the candidate.
+        effect: the candidate.
+        first_alone: leave all shapes but the first at their defaults.
+    """
+    shapes = {p.name: p.default for p in effect.parameters if p.shape}
+    (best,) = _scored(evidence, effect, [shapes])
+    declared = [p for p in effect.parameters if p.shape][: 1 if first_alone else None]
+    for _ in range(_SWEEPS if len(declared) > 1 else 1):
+        before = dict(shapes)
+        for p in declared:
+            tried = [{**shapes, p.name: float(value)} for value in _grid(p)]
+            for there, at in zip(_scored(evidence, effect, tried), tried, strict=True):
+                if there.statistic(effect.name) > best.statistic(effect.name):
+                    best, shapes = there, at
+        if shapes == before:
+            break
+    return best, shapes
+
+
+def _scored(evidence: Evidence, effect: Effect, tried: Sequence[dict[str, float]]) -> Iterator[Evidence]:
+    """Yield the evidence of one candidate at each of these shapes, from one rollout that has them all.
+
+    Args:
+        evidence: of the model without the candidate.
+        effect: the candidate.
+        tried: shapes by full name.
+    """
+    problem, width = evidence.problem, len(effect.amplitudes())
+    twins = [_renamed(effect, f"{effect.name}_{k}") for k in range(len(tried))]
+    shapes = {
+        f"{twin.name}.{name.partition('.')[2]}": value
+        for twin, own in zip(twins, tried, strict=True)
+        for name, value in own.items()
+    }
+    stacked = signature_rows(problem, evidence.fit.values, twins, shapes)
+    for k in range(len(tried)):
+        raw = stacked[:, k * width : (k + 1) * width]
+        projected = evidence.coefficients.off(raw)
+        yield replace(
+            evidence,
+            candidates=(effect,),
+            amplitudes=(effect.amplitudes(),),
+            score=projected.T @ evidence.cleared,
+            information=projected.T @ projected,
+            raws=always(raw),
+        )
+
+
+@functools.lru_cache(maxsize=512)
+def _renamed(effect: Effect, name: str) -> Effect:
+    """Return a candidate under another name, so that a model may have it several times; it is of its fish already."""
+    parameters = tuple(replace(p, name=f"{name}.{p.short}") for p in effect.parameters)
+    own = {"name": name, "parameters": parameters, "for_fish": classmethod(lambda _cls, _fish: None)}
+    twin = copy.copy(effect)
+    twin.__class__ = type(name, (type(effect),), own)
+    return twin
+
+
+def _grid(p: Parameter) -> FloatArray:
+    """Return the values of a shape that are tried, over its bounds."""
+    if p.wide:
+        return np.geomspace(p.low, p.high, 1 + int(np.ceil(np.log(p.high / p.low) / np.log(_FACTOR))))
+    return np.linspace(p.low, p.high, _VALUES)
+
+
+#: Longest and shortest integration step [s], and what its error may add to a sum of squares in units of the noise.
+_LONGEST, _SHORTEST = 0.005, 0.00125
+_UNSEEN = 0.1
+#: Power of the step by which that falls, a little less than the eight of a method of fourth order.
+_POWER = 7.0
+#: Step of the derivatives in steps of the rollouts.
+_SLOPES = 2.0
+
+
+def resolved(problem: Problem) -> tuple[Problem, FloatArray]:
+    """Return the problem with the longest step whose error the data cannot see, and the fit there as a start.
+
+    The error is the change of the whitened prediction on halving the step; its sum of squares is what the step adds to
+    any statistic.
+    """
+    rough = _stepped(problem, _LONGEST)
+    x = sound(NOMINAL, fit(rough, tolerance=1e-4)).x
+    error = float(np.sum((rough.residual(x) - _stepped(problem, 0.5 * _LONGEST).residual(x)) ** 2))
+    return _stepped(problem, max(_LONGEST * min(_UNSEEN / max(error, 1e-300), 1.0) ** (1.0 / _POWER), _SHORTEST)), x
+
+
+def finer(problem: Problem, x: FloatArray, share: float) -> Problem:
+    """Return the problem with its step halved as often as its error at x is seen: a cause may ask for more.
+
+    Where the tail is nearly stiff, or servos jerk, the error falls by no power that is known beforehand.
+
+    Args:
+        problem: of an extended model.
+        x: where it has been fitted.
+        share: of the sum of squares at x that an error may be as well: less than the fit is followed to.
+    """
+    here = problem.residual(x)
+    unseen = max(_UNSEEN, share * float(here @ here))
+    while (step := 0.5 * problem.model.step) >= _SHORTEST:
+        half = _stepped(problem, step)
+        there = half.residual(x)
+        if np.sum((there - here) ** 2) < unseen:
+            break
+        problem, here = half, there
+    return problem
+
+
+def _stepped(problem: Problem, step: float) -> Problem:
+    return replace(problem, model=replace(problem.model, step=step), slope_step=_SLOPES * step)
+
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
 COARSE = (4, 6)

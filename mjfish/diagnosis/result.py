@@ -11,12 +11,11 @@ from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
-from mjfish.diagnosis.estimate import Estimate, estimates
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
-from mjfish.diagnosis.table import Row, Table
+from mjfish.diagnosis.table import Estimate, Row, Table, estimates
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain

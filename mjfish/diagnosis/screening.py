@@ -15,8 +15,6 @@ from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
-from mjfish.diagnosis.fan_out import followed
-from mjfish.diagnosis.integration_step import resolved
 from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import (
     converge,
@@ -26,9 +24,10 @@ from mjfish.diagnosis.refit import (
     refined,
     refit_nonsmooth,
     refits,
+    resolved,
     settled,
 )
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit

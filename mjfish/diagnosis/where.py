@@ -64,12 +64,9 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     problem = evidence.problem
     z = evidence.cleared
     systematic = z - span(BlockAngular.of(evidence.signatures)).off(z) if directed else evidence.waves.fitted(z)
-    seen = [*_seen(problem, evidence.fit.x)]
     energy = systematic[: problem.measured] ** 2
-    channel, names, parts, phases = (
-        np.concatenate([getattr(one, what) for one in seen]) for what in ("channel", "trial", "part", "phase")
-    )
-    swum = np.concatenate([one.velocity for one in seen])
+    records = zip(*_seen(problem, evidence.fit.x), strict=True)
+    channel, names, parts, phases, swum = (np.concatenate(column) for column in records)
     speeds, turns = fifths(swum[:, 0]), fifths(np.abs(swum[:, 2]))
     channels = _shares(channel, energy)
     return Where(
@@ -88,26 +85,19 @@ def locate(evidence: Evidence, directed: bool) -> Where:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Labels (n,) of the rows of one record: channel, trial, part of the run, phase; predicted velocities (n, 3)."""
-
-    channel: Labels
-    trial: Labels
-    part: Labels
-    phase: Labels
-    velocity: FloatArray
+#: Labels (n,) of the rows of one record: channel, trial, part of the run, phase; predicted velocities (n, 3).
+_Record = tuple[Labels, Labels, Labels, Labels, FloatArray]
 
 
-def _seen(problem: Problem, x: FloatArray) -> Iterator[_Seen]:
+def _seen(problem: Problem, x: FloatArray) -> Iterator[_Record]:
     """Yield the records of a problem, in the order of its rows: velocities of every trial, then every sensor."""
     every, labels = problem.predictions(x), [_labels(problem.model.fish.cpg, trial) for trial in problem.trials]
 
-    def record(i: int, time: FloatArray, names: Sequence[str]) -> _Seen:
+    def record(i: int, time: FloatArray, names: Sequence[str]) -> _Record:
         trial, count = problem.trials[i], len(names)
         at = np.clip(np.searchsorted(trial.time, time + 1e-9) - 1, 0, len(trial.time) - 1)
         part, phase, velocity = (np.repeat(block[at], count, axis=0) for block in (*labels[i], every[i]))
-        return _Seen(np.tile(np.array(names), len(time)), np.full(count * len(time), trial.name), part, phase, velocity)
+        return np.tile(np.array(names), len(time)), np.full(count * len(time), trial.name), part, phase, velocity
 
     for i, trial in enumerate(problem.trials):
         yield record(i, trial.time[problem.mask(i)], CHANNELS)

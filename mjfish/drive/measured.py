@@ -6,8 +6,8 @@ chosen for each joint by generalised cross-validation ([Wahba1990], ch. 4), in w
 costs 1.4 of them: plain cross-validation now and then takes white noise for motion [KimGu2004].
 
 That is the best guess of an angle, and it takes the third harmonic of a beat for noise. Where the errors of the angles
-are allowed for (`mjfish.noise.joint_errors`), noise that is left does no harm, and what is missing in every beat does:
-the penalty is a share of it then. Tests of what a fit leaves still derive along the best guess
+are allowed for (`mjfish.estimation.sensor_noise`), noise that is left does no harm, and what is missing in every beat
+does: the penalty is a share of it then. Tests of what a fit leaves still derive along the best guess
 (`mjfish.estimation.Problem.smoother`).
 
 [KimGu2004] Y.-J. Kim and C. Gu, Journal of the Royal Statistical Society B 66.

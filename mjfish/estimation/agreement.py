@@ -28,6 +28,7 @@ AIC or BIC between models of the same data below 2 says nothing.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -104,15 +105,11 @@ def agreement(
         Rows by trial, channel that was measured, part, horizon; parts only where the drive tells them. NaN for a
         rollout that diverged, and for predictions of a trial that has not all channels.
     """
-    rows = []
-    by_step: dict[float, Autoregressive] = {}
+    rows, estimated = [], functools.cache(functools.partial(noise_at, residuals))
     for residual in residuals:
-        own, step = noise, residual.trial.step
+        own = noise
         if own is None and horizons and not residual.diverged and residual.trial.measured.all():
-            step = next((known for known in by_step if abs(known / step - 1.0) < 1e-9), step)
-            if step not in by_step:
-                by_step[step] = noise_at(residuals, step)
-            own = by_step[step]
+            own = estimated(float(f"{residual.trial.step:.9g}"))  # times that were rounded are of one step
         where = parts_of_trial(residual.trial, settling)
         left: dict[int | None, FloatArray] = {None: residual.values, **_unforecast(residual, own, horizons)}
         for channel in np.flatnonzero(residual.trial.measured).tolist():

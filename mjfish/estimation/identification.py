@@ -14,14 +14,13 @@ import numpy as np
 
 from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
+from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
-from mjfish.estimation.intervals import Intervals, intervals
-from mjfish.estimation.nominal import nominal_problem
-from mjfish.estimation.posterior import posterior
+from mjfish.estimation.intervals import Intervals, intervals, posterior
+from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem, white
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
@@ -32,7 +31,6 @@ from mjfish.execution import executing
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS
 from mjfish.model.posterior import Posterior
-from mjfish.noise import Noise
 from mjfish.noise.autoregressive import floor
 from mjfish.result import Result
 from mjfish.serialise import plain, unsaved
@@ -240,29 +238,6 @@ def pose(dataset: Dataset, settings: Settings | None = None) -> Problem:
     return problem
 
 
-def white(sigma: FloatArray) -> Noise:
-    """Return white noise of sigma (3,); residuals of a channel without one, which nobody measured, are zero."""
-    return Noise.white(np.where(np.isnan(sigma), 1.0, sigma))
-
-
-def check_enough(problem: Problem, name: str) -> None:
-    """Refuse a problem of the dataset `name` where a trial has nothing to fit, or all have too little.
-
-    Raises:
-        InputError: no sample of a trial counts, or there are no more numbers than free parameters.
-    """
-    counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
-    for trial, count in zip(problem.trials, counted, strict=True):
-        if count == 0 and not trial.sensors:
-            raise InputError(
-                f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
-                "recording and beside steps of the drive; record longer, or leave the trial out"
-            )
-    samples, free = problem.numbers, len(problem.parameters)
-    if samples <= free:
-        raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")
-
-
 def identify(
     dataset: Dataset | str | Path,
     settings: Settings | None = None,
@@ -321,8 +296,8 @@ def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], No
         if solution.lost:
             break
         if weighed:
-            residual = _of_measured(problem, problem.raw(solution.x))
-            problem = replace(problem, noise=white(np.maximum(_spread(residual, settings.loss), floor(trials))))
+            sigma = np.maximum(_spread(problem, solution.x, settings.loss), floor(trials))
+            problem = replace(problem, noise=white(sigma))
         problem = with_sensor_noise(problem, solution.x)
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
     if weighed:
@@ -360,25 +335,17 @@ def _measured_sigma(problem: Problem) -> FloatArray:
     return np.asarray(problem.noise.sigma) if measured.all() else np.where(measured, problem.noise.sigma, np.nan)
 
 
-def _of_measured(problem: Problem, residuals: list[FloatArray]) -> FloatArray:
-    """Return residuals (n, 3) of all trials, NaN of velocities that were not measured."""
-    if problem.complete:
-        return np.concatenate(residuals)
-    pairs = zip(problem.trials, residuals, strict=True)
-    return np.concatenate([np.where(trial.measured, block, np.nan) for trial, block in pairs])
+def _spread(problem: Problem, x: FloatArray, loss: Loss) -> FloatArray:
+    """Return the sigma (3,) of what a fit leaves: the RMS, or where outliers are expected 1.4826 of the median.
 
-
-def _spread(residual: FloatArray, loss: Loss) -> FloatArray:
-    """Return the sigma (c,) of residuals (n, c): their RMS, or where outliers are expected 1.4826 of their median.
-
-    Without those that are NaN, and NaN where all are.
+    NaN of velocities that no trial measured.
     """
-    if not np.all(np.isfinite(residual)):
-        kept = [column[np.isfinite(column)] for column in residual.T]
-        return np.array([float(_spread(own[:, None], loss)[0]) if len(own) else np.nan for own in kept])
-    if loss == "linear":
-        return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
-    return robust_sigma(residual)
+    measured, raw = [trial.measured for trial in problem.trials], problem.raw(x)
+    found = np.full(len(CHANNELS), np.nan)
+    for channel in np.flatnonzero(np.any(measured, axis=0)):
+        own = np.concatenate([block[:, channel] for block, there in zip(raw, measured, strict=True) if there[channel]])
+        found[channel] = np.sqrt(np.mean(own**2)) if loss == "linear" else robust_sigma(own)
+    return found
 
 
 def _of_recordings(trials: tuple[Trial, ...]) -> Iterator[str]:
@@ -395,27 +362,6 @@ def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
         for channel, spread in zip(CHANNELS, np.ptp(trial.velocity, axis=0), strict=True):
             if spread == 0.0:
                 yield f"{trial.name}: {channel} does not vary; check the recording, or leave the trial out"
-
-
-def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
-    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
-
-    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger. NaN
-    of a channel that no trial measured.
-    """
-    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
-    return np.asarray(np.maximum(np.sqrt(_mean_square(differences, trials) / 20.0), floor(trials)))
-
-
-def _mean_square(values: FloatArray, trials: tuple[Trial, ...]) -> FloatArray:
-    """Return the mean squares (3,) of channels (n, 3) over the trials that measured them; NaN where none did."""
-    having = np.array([trial.measured for trial in trials])
-    if having.all():
-        return np.asarray(np.mean(values**2, axis=0))
-    found = np.full(3, np.nan)
-    for channel in np.flatnonzero(having.any(axis=0)):
-        found[channel] = np.nanmean(values[:, channel] ** 2)
-    return found
 
 
 def _score(residual: Residual) -> TrialScore:

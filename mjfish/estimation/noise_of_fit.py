@@ -30,7 +30,7 @@ from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
 from mjfish.estimation.clock_wander import first_size
 from mjfish.estimation.fit import Fit
-from mjfish.estimation.omnibus import omnibus
+from mjfish.estimation.omnibus import by_channel, functions
 from mjfish.estimation.problem import Problem
 from mjfish.fish import Cpg
 from mjfish.frames import CHANNELS
@@ -126,7 +126,7 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
 
 def _shapes(cpg: Cpg | None, trial: Trial, mask: BoolArray) -> FloatArray:
     """Return the omnibus waves (n_r, 3, columns) of the counted samples of a trial."""
-    return np.asarray(omnibus(cpg, trial)[mask])
+    return by_channel(functions(cpg, trial, trial.time)[mask], range(len(CHANNELS)), len(CHANNELS))
 
 
 def state_jacobians(problem: Problem, values: Mapping[str, float]) -> dict[str, FloatArray]:

@@ -1,23 +1,24 @@
-"""The least-squares problem of the nominal model of a dataset, with what is known beforehand."""
+"""The least-squares problem of the nominal model of a dataset, with what is known beforehand, and a first noise."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+
+import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.data.sensor import first_sensor_sigma
 from mjfish.effects import catalogue
-from mjfish.effects.effect import Effect
-from mjfish.errors import UnknownNameError, located
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
 from mjfish.known import Beforehand
 from mjfish.model import Model
 from mjfish.noise import Noise
-from mjfish.noise.autoregressive import FLOOR
+from mjfish.noise.autoregressive import FLOOR, floor
 from mjfish.parameter import Parameter
 
 
@@ -40,7 +41,8 @@ def nominal_problem(
         InputError, ParameterError: what is known contradicts itself.
     """
     given = _beforehand(dataset)
-    model = Model(dataset.fish, tuple(_known_effects(given)))
+    known = (effect for name, effect in catalogue().items() if any(key.startswith(f"{name}.") for key in given))
+    model = Model(dataset.fish, tuple(known))
     free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
     problem = Problem(
         model,
@@ -76,13 +78,6 @@ def _beforehand(dataset: Dataset) -> dict[str, Beforehand]:
     return {**{name: known for own in taken for name, known in own.items()}, **dataset.known}
 
 
-def _known_effects(given: Mapping[str, Beforehand]) -> Iterator[Effect]:
-    """Yield the causes of whose parameters something is known."""
-    for name, effect in catalogue().items():
-        if any(key.startswith(f"{name}.") for key in given):
-            yield effect
-
-
 def _declared(given: Mapping[str, Beforehand], parameters: Sequence[Parameter]) -> dict[str, Parameter]:
     """Return the declarations of the parameters of which something is known, by name."""
     declared: dict[str, Parameter] = {}
@@ -92,3 +87,38 @@ def _declared(given: Mapping[str, Beforehand], parameters: Sequence[Parameter]) 
             raise UnknownNameError("parameter", pattern, [p.name for p in parameters])
         declared.update({p.name: known.of(p) for p in found})
     return declared
+
+
+def first_sigma(trials: tuple[Trial, ...]) -> FloatArray:
+    """Return a first sigma (3,) where none is stated: of the third differences of the measurements.
+
+    For white noise their variance is 20 sigma^2; what is left of a smooth motion in them only makes sigma larger. NaN
+    of a channel that no trial measured.
+    """
+    differences = np.concatenate([np.diff(trial.velocity, n=3, axis=0) for trial in trials])
+    with np.errstate(invalid="ignore"):  # of a channel without any
+        squares = np.nansum(differences**2, axis=0) / np.count_nonzero(np.isfinite(differences), axis=0)
+    return np.asarray(np.maximum(np.sqrt(squares / 20.0), floor(trials)))
+
+
+def white(sigma: FloatArray) -> Noise:
+    """Return white noise of sigma (3,); residuals of a channel without one, which nobody measured, are zero."""
+    return Noise.white(np.where(np.isnan(sigma), 1.0, sigma))
+
+
+def check_enough(problem: Problem, name: str) -> None:
+    """Refuse a problem of the dataset `name` where a trial has nothing to fit, or all have too little.
+
+    Raises:
+        InputError: no sample of a trial counts, or there are no more numbers than free parameters.
+    """
+    counted = [int(np.count_nonzero(problem.mask(i))) for i in range(len(problem.trials))]
+    for trial, count in zip(problem.trials, counted, strict=True):
+        if count == 0 and not trial.sensors:
+            raise InputError(
+                f"{name}: no sample of trial '{trial.name}' counts: it ends within what is left out at the ends of a "
+                "recording and beside steps of the drive; record longer, or leave the trial out"
+            )
+    samples, free = problem.numbers, len(problem.parameters)
+    if samples <= free:
+        raise InputError(f"{name}: {samples} numbers for {free} free parameters; give more data, or fix parameters")

@@ -51,11 +51,6 @@ def functions(cpg: Cpg | None, trial: Trial, time: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nh,nw->nhw", shape, np.stack(waves, axis=1)).reshape(len(phase), -1))
 
 
-def omnibus(cpg: Cpg | None, trial: Trial) -> FloatArray:
-    """Return the basis (n, 3, columns) of the velocities of a trial: the functions of one channel after the other."""
-    return by_channel(functions(cpg, trial, trial.time), range(3), 3)
-
-
 def by_channel(waves: FloatArray, places: Sequence[int], channels: int) -> FloatArray:
     """Return functions (n, k) for each of some channels (n, places, channels k), in the columns of its place."""
     blocks = np.zeros((len(waves), len(places), channels, waves.shape[1]))

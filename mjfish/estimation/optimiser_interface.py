@@ -19,8 +19,7 @@ from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.clocks import aligned
-from mjfish.estimation.identification import first_sigma, white
-from mjfish.estimation.nominal import nominal_problem
+from mjfish.estimation.nominal import first_sigma, nominal_problem, white
 from mjfish.execution import executing
 from mjfish.noise import Noise
 from mjfish.parameter import bounds

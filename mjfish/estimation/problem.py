@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.estimation.joint_errors import Whitening
 from mjfish.estimation.time_limit import check_time
 from mjfish.execution import mapped
 from mjfish.frames import CHANNELS, UNITS
@@ -26,6 +25,9 @@ from mjfish.noise import Noise
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 from mjfish.serialise import plain
+
+if TYPE_CHECKING:
+    from mjfish.estimation.sensor_noise import Whitening
 
 #: Residual of a sample that the rollout did not reach, in units of sigma: worse than any honest misfit.
 LOST = 1e3
@@ -334,10 +336,8 @@ class Problem:
 
     def whiten(self, blocks: Sequence[FloatArray]) -> FloatArray:
         """Whiten blocks (n_r, 3, k) of velocities, one a trial, and stack them to (`samples`, k)."""
-        white = np.zeros((self.samples, blocks[0].shape[2]))
-        for i, (block, rows) in enumerate(zip(blocks, self.rows_by_trial(), strict=True)):
-            white[rows] = self.whitened(i, block).reshape(3 * len(block), block.shape[2])
-        return white
+        every = np.arange(blocks[0].shape[2])
+        return self.velocity_rows(Slopes(every, [every[:0]] * len(blocks), [*blocks], [])).shared
 
     def whitened(self, index: int, block: FloatArray) -> FloatArray:
         """Whiten columns (n_r, 3, ...) of the counted samples of one trial."""
@@ -502,10 +502,8 @@ class Problem:
         if trial.joint_angle is not None:
             keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
         keep[: self.ends] = keep[len(keep) - self.ends :] = False
-        window = self.windows[index] if self.windows is not None else None
-        if window is not None:
-            keep &= (trial.time >= window[0]) & (trial.time <= window[1])
-        return keep
+        begin, end = self._window(index)
+        return np.asarray(keep & (trial.time >= begin) & (trial.time <= end))
 
     def sensor_mask(self, index: int, sensor: Sensor) -> BoolArray:
         """Return which samples (m,) of a sensor of a trial count: those within it, not beside a step of the drive.

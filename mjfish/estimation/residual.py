@@ -6,7 +6,7 @@ free clock) is fitted on its first part, and that part is left out of the score:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -168,8 +168,9 @@ def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[
     alone = replace(fitted, trials=(trial,), fixed=shared, windows=None)
     if not nuisances(trial, fitted.free_clock, fitted.walk):
         return alone, alone
-    counted = np.sort(np.concatenate([trial.time[alone.mask(0)], *_sensor_times(alone)]))
-    split = float(counted[0] + PREFIX * (counted[-1] - counted[0]))
+    read = () if alone.samples else (s.time[alone.sensor_mask(0, s)] for s in trial.sensors)
+    counted = np.concatenate([trial.time[alone.mask(0)], *read])
+    split = float(counted.min() + PREFIX * np.ptp(counted))
     first = replace(alone, windows=((-np.inf, split),))
     return replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),)), first
 
@@ -183,12 +184,6 @@ def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequenc
         if alone.parameters:
             found |= fit_or_raise(alone, alone.start(), tolerance=1e-6, evaluations=_MOST).values
     return found
-
-
-def _sensor_times(alone: Problem) -> Iterator[FloatArray]:
-    """Yield the times of the samples of each sensor that count, where no velocity was measured."""
-    if not alone.samples:
-        yield from (sensor.time[alone.sensor_mask(i, sensor)] for i, sensor in alone.sensors)
 
 
 @dataclass(frozen=True, eq=False)

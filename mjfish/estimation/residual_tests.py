@@ -49,7 +49,7 @@ from mjfish.estimation.serial_correlation import Block, serial_blocks
 from mjfish.frames import CHANNELS
 from mjfish.model import asked_motion
 from mjfish.noise import Autoregressive
-from mjfish.noise.autoregressive import by_order, highest_order, lagged_products
+from mjfish.noise.autoregressive import by_order, highest_order, lagged_products, products_and_pairs
 from mjfish.ode.rollout import STEP
 
 #: Lags that are tested by default, and what a band leaves out.
@@ -169,10 +169,9 @@ def whiteness(series: Sequence[Series], order: int, *, lags: int = LAGS) -> tupl
 def _correlation(series: FloatArray, lags: int) -> tuple[FloatArray, FloatArray, int]:
     """Return r_k, var r_k for k = 1..lags, and the number of samples, of a series with gaps."""
     there = np.isfinite(series)
-    e, n = np.where(there, series, 0.0), int(there.sum())
-    pairs = np.array([np.count_nonzero(there[k:] & there[:-k]) for k in range(1, lags + 1)])
-    products = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)])
-    return products / max(float(e @ e), 1e-300), np.maximum(pairs, 1) / (n * (n + 2.0)), n
+    products, pairs = products_and_pairs([series[there, None]], [there], lags)
+    n = int(pairs[0])
+    return products[0, 1:] / max(products[0, 0], 1e-300), np.maximum(pairs[1:], 1.0) / (n * (n + 2.0)), n
 
 
 def _tested(

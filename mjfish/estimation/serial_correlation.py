@@ -9,7 +9,7 @@ need e to be stationary, but is much the noisier of the two.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,8 +64,18 @@ class Block:
 
 def serial_blocks(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
     """Return the whitened residual (n,) of the velocities trial by trial, then of every sensor."""
-    counted = (block for block in blocks_of(problem, residual) if len(block.rows))
-    return (*counted, *_sensor_blocks(problem, residual))
+    read = (
+        _block(
+            residual,
+            sensor.time[problem.sensor_mask(i, sensor)],
+            rows,
+            problem.trials[i].name,
+            sensor.step,
+            sensor.name,
+        )
+        for (i, sensor), rows in zip(problem.sensors, problem.sensor_rows, strict=True)
+    )
+    return tuple(block for block in (*blocks_of(problem, residual), *read) if len(block.rows))
 
 
 def blocks_of(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
@@ -73,15 +83,6 @@ def blocks_of(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
     return tuple(
         _block(residual, trial.time[problem.mask(i)], rows, trial.name, trial.step)
         for i, (trial, rows) in enumerate(zip(problem.trials, problem.rows_by_trial(), strict=True))
-    )
-
-
-def _sensor_blocks(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
-    """Return the whitened residual (n,) of the sensors, sensor by sensor."""
-    return tuple(
-        _block(residual, time, rows, problem.trials[i].name, sensor.step, sensor.name)
-        for (i, sensor), rows in zip(problem.sensors, problem.sensor_rows, strict=True)
-        if len(time := sensor.time[problem.sensor_mask(i, sensor)])
     )
 
 
@@ -122,21 +123,8 @@ class Serial:
         """Return A' Omega_r A (k, k) of the columns A (n, 3, k) of one block."""
         return np.asarray(np.einsum("tci,tcj->ij", columns, self.times(r, columns)))
 
-    def quadratic(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Return the sum over blocks of A_r' Omega_r A_r (k, k), for A_r of (n, 3, k)."""
-        return np.asarray(sum(self.quadratic_of(r, a) for r, a in enumerate(columns)))
-
-    def degrees_of_freedom(self, columns: Iterable[FloatArray], *, total: bool = False) -> FloatArray:
-        """Return how many degrees of freedom (k,) the diagonal of `quadratic` has, by Satterthwaite.
-
-        Args:
-            columns: A_r (n, 3, k) of every block.
-            total: of the sum of the diagonal, (1,).
-        """
-        return satterthwaite(*np.sum([self.moments(r, a, total=total) for r, a in enumerate(columns)], axis=0))
-
     def moments(self, r: int, columns: FloatArray, *, total: bool = False) -> FloatArray:
-        """Return what one block adds to mean and variance (2, k) of the diagonal of `quadratic`.
+        """Return what one block adds to mean and variance (2, k) of the diagonal of its quadratic form, or of its sum.
 
         A variance v = e'T e that is estimated from Gaussian e has var(v) = 2 tr(T Omega T Omega) and counts like a sum
         of 2 v^2 / var(v) squares; T is Toeplitz, with the tapered autocorrelation of the column on its diagonals.

@@ -1,29 +1,33 @@
-"""Tests of the data that need no fit: what `diagnose` runs first."""
+"""Tests of the data that need no fit: what `diagnose` runs first.
+
+And the report on a dataset before anything is fitted to it: its runs, the findings, the causes that it cannot show.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.effects import Effect, catalogue
-from mjfish.estimation.clocks import aligned
+from mjfish.data.looking import for_looking
+from mjfish.effects import Effect, catalogue, of_fish
+from mjfish.estimation.clocks import aligned, beat
+from mjfish.frames import CHANNELS
 from mjfish.inspection import nominal_simulation as nominal
-from mjfish.inspection.finding import Finding
-from mjfish.inspection.joint_motion import unresolved
+from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
 from mjfish.inspection.kinematics import compatibility, disagreements
-from mjfish.inspection.nominal_simulation import Drive, Guess
+from mjfish.inspection.nominal_simulation import Drive
 from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
-from mjfish.inspection.result import Inspection
 from mjfish.inspection.runs import missing_runs
-from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck
-from mjfish.inspection.wave_frequency import wave_frequencies
+from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck, unresolved
 from mjfish.model import Model
+from mjfish.result import Result
 
 
 def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> Inspection:
@@ -97,20 +101,6 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
 
-@dataclass(frozen=True, eq=False)
-class _Guessed:
-    """A trial with its nominal simulations, one a set of coefficients."""
-
-    trial: Trial
-    guesses: list[Guess]
-
-    @property
-    def nearest(self) -> Guess:
-        """The guess whose surge is nearest to the measured one."""
-        apart = [float(np.sum((self.trial.velocity[:, 0] - guess.velocity[:, 0]) ** 2)) for guess in self.guesses]
-        return self.guesses[int(np.argmin(apart))]
-
-
 def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
     """Hold trials against the nominal simulation: units, signs, labels, starts."""
     model = Model(dataset.fish)
@@ -120,18 +110,17 @@ def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatA
     scores: dict[str, dict[nominal.Reading, float]] = {}
     kept = []
     for trial in trials:
-        every = [nominal.guesses(model, trial, [trial.drive], values)[0] for values in sets]
-        guess = _Guessed(trial, [one for one in every if one is not None])
-        if not guess.guesses:
+        every = [nominal.guess(model, trial, values) for values in sets]
+        guesses = [shifted for shifted in every if shifted is not None]
+        if not guesses:
             continue
-        starts = list(nominal.start_findings(trial, guess.nearest.velocity, noise))
+        apart = [np.sum((trial.velocity[:, 0] - nominal.unshifted(shifted)[:, 0]) ** 2) for shifted in guesses]
+        starts = list(nominal.start_findings(trial, nominal.unshifted(guesses[int(np.argmin(apart))]), noise))
         found += starts
         if any(finding.severity == "blocks" for finding in starts):
             continue
-        size = nominal.size(trial, guess.guesses)
-        if size is not None:
-            sizes[trial.name] = size
-        scores[trial.name] = nominal.scores(trial, guess.guesses)
+        sizes[trial.name] = nominal.size(trial, guesses)
+        scores[trial.name] = nominal.scores(trial, guesses)
         kept.append(trial)
     turned = [*nominal.units(sizes), *nominal.signs(scores)]
     found += turned
@@ -149,3 +138,127 @@ def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatA
 def _own_cost(trials: Sequence[Trial], drives: Sequence[Drive], table: FloatArray) -> float:
     own = [table[i, drives.index(trial.drive)] for i, trial in enumerate(trials) if trial.drive]
     return float(np.sum(own))
+
+
+def wave_frequencies(trials: Sequence[Trial]) -> Iterator[Finding]:
+    """Yield a finding for every wave of its own clock that the fish beats faster or slower than."""
+    for trial in trials:
+        found = beat(trial)
+        if trial.wave is None or found is None:
+            continue
+        yield Finding(
+            code="wave-frequency",
+            severity="suspect",
+            place=f"trial {trial.name}",
+            found=f"the frequency of the drive is {trial.wave.frequency:.3g} Hz, the fish beats at {found:.3g} Hz",
+            expected="the same frequency",
+            remedy="correct the frequency of the drive; meanwhile it is taken to be that of the beat",
+            trials=(trial.name,),
+        )
+
+
+#: Of the JSON.
+SCHEMA = 1
+
+
+@dataclass(frozen=True, repr=False)
+class DataReport(Result):
+    """What a dataset has, and what it can show.
+
+    Attributes:
+        dataset: that was read.
+        inspection: the findings of `mjfish.inspect`.
+        undetectable: causes that these runs cannot show, whatever their size, with the reason. A diagnosis may find
+            more: those that the free coefficients hide.
+        causes: names of all causes that were asked for.
+    """
+
+    dataset: Dataset
+    inspection: Inspection
+    undetectable: Mapping[str, str]
+    causes: tuple[str, ...]
+
+    @property
+    def unclear(self) -> dict[str, tuple[str, ...]]:
+        """Causes that data with a finding cannot tell, by its code, without those that are undetectable anyway.
+
+        A finding that leaves no cause to be told has them all.
+        """
+        found: dict[str, tuple[str, ...]] = {}
+        for finding in self.inspection.findings:
+            named = self.causes if EVERYTHING in finding.cannot_tell else finding.cannot_tell
+            names = [name for name in named if name in self.causes and name not in self.undetectable]
+            if names:
+                found[finding.code] = tuple(dict.fromkeys((*found.get(finding.code, ()), *names)))
+        return found
+
+    def summary(self) -> str:
+        """Return how many runs and findings there are, and how many causes the runs can show."""
+        runs = len(self.dataset.trials)
+        shown = len(self.causes) - len(self.undetectable)
+        return (
+            f"{self.dataset.name}: {runs} {'run' if runs == 1 else 'runs'} of fish '{self.dataset.fish.name}', which "
+            f"can show {shown} of {len(self.causes)} causes.\n{self.inspection.summary()}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return runs, findings and causes as plain data."""
+        held_out = {trial.name for trial in self.dataset.split()[1]}
+        return {
+            "schema": SCHEMA,
+            "dataset": self.dataset.name,
+            "fish": self.dataset.fish.name,
+            "clock": self.dataset.clock,
+            "trials": [_of_trial(trial, held_out=trial.name in held_out) for trial in self.dataset.trials],
+            "severity": self.inspection.severity,
+            "findings": [finding.to_dict() for finding in self.inspection.findings],
+            "undetectable": dict(self.undetectable),
+            "unclear": {code: list(names) for code, names in self.unclear.items()},
+        }
+
+
+def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> DataReport:
+    """Say what is in a dataset, what is wrong with it, and which causes it cannot show. Nothing is fitted.
+
+    Args:
+        dataset: the trials, with velocities in m/s and rad/s and times in s, or the folder of ``dataset.toml``.
+        effects: causes by name; None: the shipped catalogue.
+
+    Raises:
+        InputError: `dataset` is a folder that cannot be read.
+
+    Example:
+        >>> import mjfish
+        >>> from mjfish.inspection import report_on
+        >>> report = report_on(mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05)))
+        >>> report.undetectable["wall_effect"]
+        'the walls are not known: the dataset has no tank = {x = [lo, hi], y = [lo, hi]}'
+    """
+    if not isinstance(dataset, Dataset):
+        dataset = load_dataset(dataset)
+    known = of_fish(catalogue() if effects is None else effects, dataset.fish)
+    reasons = {name: reason for name, effect in known.items() if (reason := effect.not_applicable(dataset))}
+    return DataReport(dataset, inspect(dataset, known), reasons, tuple(known))
+
+
+def _of_trial(trial: Trial, *, held_out: bool) -> dict[str, Any]:
+    """Return what a trial has: samples, mean and root mean square of each velocity, None of one not measured.
+
+    Of places and headings, the velocities of the smoothed path.
+    """
+    trial = for_looking(trial)
+    measured = trial.measured
+    velocity = np.where(measured, np.nan_to_num(trial.velocity), np.nan)
+    mean, rms = velocity.mean(axis=0), np.sqrt(np.square(velocity).mean(axis=0))
+    return {
+        "name": trial.name,
+        "held_out": held_out,
+        "samples": len(trial.time),
+        "duration": float(trial.time[-1] - trial.time[0]),
+        "rate": trial.rate,
+        "driven_by": trial.driven_by,
+        "pose": trial.pose is not None,
+        "sensors": [sensor.name for sensor in trial.sensors],
+        "mean": {name: float(mean[k]) if measured[k] else None for k, name in enumerate(CHANNELS)},
+        "rms": {name: float(rms[k]) if measured[k] else None for k, name in enumerate(CHANNELS)},
+    }

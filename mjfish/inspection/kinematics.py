@@ -326,12 +326,10 @@ def disagreements(found: Compatibility) -> Iterator[Finding]:
             "no scale is wrong; give the velocities as measured, or positions and yaw at a higher rate",
             trials=found.trials,
         )
-    for name, estimate in found.translation.items():
-        if _is_off(name, estimate):
-            yield _disagreement(name, estimate, ("surge", "sway"), found.trials)
-    for name, estimate in found.rotation.items():
-        if _is_off(name, estimate):
-            yield _disagreement(name, estimate, ("yaw_rate",), found.trials)
+    for estimates, channels in ((found.translation, ("surge", "sway")), (found.rotation, ("yaw_rate",))):
+        for name, estimate in estimates.items():
+            if _is_off(name, estimate):
+                yield _disagreement(name, estimate, channels, found.trials)
 
 
 def _disagreement(name: str, estimate: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:

@@ -29,8 +29,7 @@ from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.inspection.correction import redriven, reread
-from mjfish.inspection.finding import Finding
+from mjfish.inspection.finding import Finding, redriven, reread
 from mjfish.inspection.runs import beats
 from mjfish.model import Model
 
@@ -75,22 +74,6 @@ _MOVING = 0.5
 Drive = tuple[DriveSegment, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """What the fish would do under a drive, at the times of a trial and shifted.
-
-    Attributes:
-        shifted: (s, n, 3) velocities at trial.time + `_CLOCK_SHIFTS`.
-    """
-
-    shifted: FloatArray
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities (n, 3) at the trial's own times."""
-        return np.asarray(self.shifted[len(_CLOCK_SHIFTS) // 2])
-
-
 def sampled_enough(trial: Trial) -> bool:
     """Whether a CPG-driven trial has enough samples a beat, and not too long a time to simulate."""
     if not trial.drive:
@@ -120,22 +103,19 @@ def value_sets(fish: Fish) -> tuple[dict[str, float], ...]:
     return (own,) if own == starts else (own, starts)
 
 
-def guesses(model: Model, trial: Trial, drives: Sequence[Drive], values: dict[str, float]) -> list[Guess | None]:
-    """Predict what a trial would have measured under each of the drives; None where the rollout diverges.
+def guess(model: Model, trial: Trial, values: dict[str, float]) -> FloatArray | None:
+    """Predict what a trial would have measured (s, n, 3) at trial.time + `_CLOCK_SHIFTS`; None after a divergence."""
+    start = None if trial.starts_at_rest else trial.velocity[0]
+    rollout = model.predict(replace(trial, pose=None), values, velocity=start).rollout
+    if rollout.status != "ok":
+        return None
+    inside = np.clip(trial.time + _CLOCK_SHIFTS[:, None], rollout.time[0], rollout.time[-1])
+    return np.stack([rollout.at(times)[:, :3] for times in inside])
 
-    A trial with measured joint angles has no drive but its own: give ``[()]``.
-    """
-    shifted = trial.time[None, :] + _CLOCK_SHIFTS[:, None]
-    found: list[Guess | None] = []
-    for drive in drives:
-        start = None if trial.starts_at_rest else trial.velocity[0]
-        rollout = model.predict(replace(trial, drive=drive, pose=None), values, velocity=start).rollout
-        if rollout.status != "ok":
-            found.append(None)
-            continue
-        inside = np.clip(shifted, rollout.time[0], rollout.time[-1])
-        found.append(Guess(np.stack([rollout.at(times)[:, :3] for times in inside])))
-    return found
+
+def unshifted(guessed: FloatArray) -> FloatArray:
+    """Return the velocities (n, 3) of a `guess` at the trial's own times."""
+    return np.asarray(guessed[len(_CLOCK_SHIFTS) // 2])
 
 
 @dataclass(frozen=True)
@@ -162,15 +142,13 @@ READINGS = tuple(
 )
 
 
-def scores(trial: Trial, guessed: Sequence[Guess | None]) -> dict[Reading, float]:
+def scores(trial: Trial, guessed: Sequence[FloatArray]) -> dict[Reading, float]:
     """Return, for every reading, the sum of the three correlations with the best guess and clock; at most 3."""
     best = dict.fromkeys(READINGS, -3.0)
-    for guess in guessed:
-        if guess is None:
-            continue
-        products = np.einsum("ta,stb->sab", trial.velocity, guess.shifted)
+    for shifted in guessed:
+        products = np.einsum("ta,stb->sab", trial.velocity, shifted)
         own = np.sqrt(np.sum(trial.velocity**2, axis=0)) + 1e-12
-        theirs = np.sqrt(np.sum(guess.shifted**2, axis=1)) + 1e-12
+        theirs = np.sqrt(np.sum(shifted**2, axis=1)) + 1e-12
         correlation = products / own[None, :, None] / theirs[:, None, :]
         for reading in READINGS:
             total = sum(reading.signs[c] * correlation[:, reading.order[c], c] for c in range(3))
@@ -243,16 +221,10 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
         )
 
 
-def size(trial: Trial, guessed: Sequence[Guess | None]) -> FloatArray | None:
-    """Return rms measured over rms simulated (3,), with the guess that is nearest; None without a guess."""
-    ratios = [
-        np.sqrt(np.mean(trial.velocity**2, axis=0) / (np.mean(guess.velocity**2, axis=0) + 1e-24))
-        for guess in guessed
-        if guess is not None
-    ]
-    if not ratios:
-        return None
-    every = np.array(ratios)
+def size(trial: Trial, guessed: Sequence[FloatArray]) -> FloatArray:
+    """Return rms measured over rms simulated (3,), with the guess that is nearest."""
+    squares = np.array([np.mean(unshifted(shifted) ** 2, axis=0) for shifted in guessed])
+    every = np.sqrt(np.mean(trial.velocity**2, axis=0) / (squares + 1e-24))
     return np.asarray(every[np.argmin(np.abs(np.log(every + 1e-12)), axis=0), np.arange(3)])
 
 
@@ -351,11 +323,9 @@ def labels(
             corrected=partial(redriven, drives={trials[i].name: drives[own[j]], trials[j].name: drives[own[i]]}),
         )
     for i, trial in enumerate(trials):
-        if i in taken or own[i] < 0 or not np.isfinite(table[i, own[i]]):
+        if fitted or i in taken or own[i] < 0 or not np.isfinite(table[i, own[i]]):
             continue
         best = int(np.argmin(table[i]))
-        if fitted:
-            continue
         if table[i, own[i]] > _FOREIGN and table[i, best] < _SHARE * table[i, own[i]]:
             whose = ", ".join(f"'{other.name}'" for k, other in enumerate(trials) if own[k] == best)
             yield Finding(

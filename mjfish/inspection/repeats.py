@@ -17,6 +17,7 @@ from mjfish.data.trial import seen_of
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
 from mjfish.noise import Autoregressive, estimate
+from mjfish.noise.autoregressive import products_and_pairs
 
 #: Repeats shorter than this many samples together say little of a noise.
 _FEWEST = 100
@@ -75,13 +76,14 @@ def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repea
         return None
     seen = [rows for group in used for rows in group.seen]
     noise = estimate(blocks, seen=seen)
-    products = _autocovariance(blocks, seen)
+    products, pairs = products_and_pairs(blocks, seen, _LAGS)
+    covariances = products / np.maximum(pairs, 1.0) + 1e-300
     return Repeats(
         groups=tuple(group.names for group in every),
         clean=tuple(group.names for group in clean),
         noise=noise,
-        sigma=readonly(np.sqrt(products[:, 0])),
-        autocorrelation=readonly(products / products[:, :1]),
+        sigma=readonly(np.sqrt(covariances[:, 0])),
+        autocorrelation=readonly(covariances / covariances[:, :1]),
         seconds=float(sum(group.seconds for group in used)),
         line=tuple(group.line for group in every),
     )
@@ -146,18 +148,6 @@ def _power(block: FloatArray, time: FloatArray, frequency: float) -> FloatArray:
     window = np.hanning(len(time))[:, None]
     wave = np.exp(-2j * np.pi * frequency * time)[:, None]
     return np.asarray(np.abs(np.sum(window * wave * (block - block.mean(axis=0)), axis=0)) ** 2 + 1e-300)
-
-
-def _autocovariance(blocks: Sequence[FloatArray], seen: Sequence[BoolArray]) -> FloatArray:
-    """Return autocovariances (3, 11) from the pairs that are there."""
-    products, pairs = np.zeros((3, _LAGS + 1)), np.zeros(_LAGS + 1)
-    for block, there in zip(blocks, seen, strict=True):
-        grid = np.zeros((len(there), 3))
-        grid[there] = block
-        for lag in range(_LAGS + 1):
-            products[:, lag] += np.sum(grid[lag:] * grid[: len(grid) - lag], axis=0)
-            pairs[lag] += np.count_nonzero(there[lag:] & there[: len(there) - lag])
-    return np.asarray(products / np.maximum(pairs, 1.0) + 1e-300)
 
 
 def repeat_findings(repeats: Repeats) -> Iterator[Finding]:

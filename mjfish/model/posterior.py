@@ -1,7 +1,7 @@
 """The fish as the data know it: a Gaussian of its coefficients and effects, and draws of it.
 
 A draw is the fish in another run: N(mean, covariance + (1 + 1 / runs) diag(scatter^2)), truncated to the bounds of the
-parameters. To the error of the estimates comes the scatter from run to run (`mjfish.estimation.scatter`): that of the
+parameters. To the error of the estimates comes the scatter from run to run (`mjfish.estimation.stability`): that of the
 new run, and what the scatter of the fitted runs makes of their mean ([Higgins2009]). Without scatter, only the error is
 left.
 
@@ -74,7 +74,7 @@ class Posterior:
         mean: their estimates (p,).
         covariance: of their errors (p, p). Estimates on a bound have the one that they would have without it, and
             bounds count as a Gaussian prior as wide as they are apart, so that what the data do not say stays finite.
-            0 for coefficients for which learned curves stand in (`mjfish.estimation.posterior`).
+            0 for coefficients for which learned curves stand in (`mjfish.estimation.intervals`).
         scatter: standard deviations (p,) from run to run.
         runs: how many were fitted.
     """

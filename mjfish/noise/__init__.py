@@ -15,13 +15,12 @@ All are `Noise`: ``whiten(trial, mask, block)`` for residuals and Jacobians alik
 """
 
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate
-from mjfish.noise.by_rate import NoiseByRate
 from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise
 from mjfish.noise.errors_in_variables import ErrorsInVariables
 from mjfish.noise.gauss_markov import GaussMarkov, gauss_markov
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample
-from mjfish.noise.selection import select
+from mjfish.noise.selection import NoiseByRate, select
 
 __all__ = [
     "Autoregressive",

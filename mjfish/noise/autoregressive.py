@@ -165,12 +165,7 @@ def floor(trials: Sequence[Trial]) -> FloatArray:
     channel that no trial measured.
     """
     every = np.concatenate([trial.velocity for trial in trials])
-    having = [trial.measured for trial in trials]
-    reach = np.full(3, np.nan)
-    for channel in np.flatnonzero(np.any(having, axis=0)):
-        values = every[:, channel]
-        reach[channel] = np.ptp(values if np.all(having) else values[np.isfinite(values)])
-    return np.asarray(FLOOR * reach + 1e-9)
+    return np.asarray(FLOOR * (np.fmax.reduce(every) - np.fmin.reduce(every)) + 1e-9)
 
 
 def estimate(
@@ -195,21 +190,29 @@ def estimate(
 
 def _with_gaps(residuals: Sequence[FloatArray], seen: Sequence[BoolArray], highest: int) -> FloatArray:
     """Return autocovariances (3, highest + 1) from the pairs that are there, tapered as without gaps."""
-    filled = [np.zeros((len(there), 3)) for there in seen]
-    for block, there, values in zip(filled, seen, residuals, strict=True):
-        block[there] = values
-    counted = [there.astype(np.float64)[:, None] for there in seen]
-    pairs = np.array(
-        [
-            sum(float((present[k:] * present[: len(present) - k]).sum()) for present in counted)
-            for k in range(highest + 1)
-        ]
-    )
+    products, pairs = products_and_pairs(residuals, seen, highest)
     all_pairs = np.array([sum(max(len(there) - k, 0) for there in seen) for k in range(highest + 1)])
-    covariances: FloatArray = lagged_products(filled, highest) / np.maximum(pairs, 1.0) * all_pairs / all_pairs[0]
+    covariances: FloatArray = products / np.maximum(pairs, 1.0) * all_pairs / all_pairs[0]
     for row in covariances:  # pairs that are missing may leave it indefinite
         row[0] += max(1e-3 * row[0] - float(np.linalg.eigvalsh(linalg.toeplitz(row))[0]), 0.0)
     return covariances
+
+
+def products_and_pairs(
+    blocks: Sequence[FloatArray], seen: Sequence[BoolArray], highest: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sums of lagged products (c, highest + 1) of blocks (m, c) with gaps, and how many products are there.
+
+    Args:
+        blocks: of zero mean.
+        seen: per block, on a grid of equal steps, where its rows stand.
+        highest: lag.
+    """
+    filled = [np.zeros((len(there), block.shape[1])) for there, block in zip(seen, blocks, strict=True)]
+    for grid_, there, values in zip(filled, seen, blocks, strict=True):
+        grid_[there] = values
+    counted = [there.astype(np.float64)[:, None] for there in seen]
+    return lagged_products(filled, highest), lagged_products(counted, highest)[0]
 
 
 def highest_order(lengths: Sequence[int]) -> int:

@@ -49,10 +49,6 @@ class DifferentiationNoise(Noise):
         unit = _gains(self.window, self.degree, self.rounding, seen.tobytes())
         return [unit.scaled(sigma) for sigma in self.sigma.tolist()]
 
-    def numbers(self) -> FloatArray:
-        """Return all numbers of the model (6,)."""
-        return np.array([*self.sigma, self.window, self.degree, self.rounding])
-
 
 @functools.lru_cache(maxsize=256)
 def weights(window: int, degree: int) -> FloatArray:

@@ -9,6 +9,7 @@ numbers of each channel follow from the periodograms by Whittle's likelihood; a 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,10 +59,6 @@ class GaussMarkov(Noise):
             for numbers in zip(*map(np.ndarray.tolist, (self.sigma, self.drift, decay)), strict=True)
         ]
 
-    def numbers(self) -> FloatArray:
-        """Return all numbers of the model (9,)."""
-        return np.concatenate([self.sigma, self.drift, self.time])
-
 
 @functools.lru_cache(maxsize=256)
 def _gains(sigma: float, drift: float, decay: float, seen: bytes) -> Gains:
@@ -89,49 +86,50 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
     rng, most = np.random.default_rng(0), longest(left)
     found, drawn = np.zeros((3, 3)), np.zeros((_DRAWS, 2, 3))
     for c in range(3):
-        of = _Whittle(seen, seen.power[:, c, c].real, kept[:, c], left.trials[0].step)
+        cost = functools.partial(_whittle, seen, seen.power[:, c, c].real, kept[:, c], left.trials[0].step)
         level = float(np.log(0.7 * spread[c]))
         bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(most))]
         tried = [
-            optimize.minimize(of.cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
+            optimize.minimize(cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
             for time in _TIMES
             if time <= most
         ]
         best = min(tried, key=lambda optimum: float(optimum.fun)).x
         found[c] = np.exp(checked(best))
-        drawn[:, :, c] = _drawn(of, best, bounds[2], rng)
+        drawn[:, :, c] = _drawn(cost, best, bounds[2], rng)
     sigma = readonly(found[:, 0])
     likely = tuple(GaussMarkov(sigma, drift=readonly(drift), time=readonly(time)) for drift, time in drawn)
     return GaussMarkov(sigma, drift=readonly(found[:, 1]), time=readonly(found[:, 2]), likely=likely)
 
 
-@dataclass(frozen=True, eq=False)
-class _Whittle:
-    """Whittle's likelihood of one channel: its spectrum, the power there, and which share of it is the noise's."""
+def _whittle(seen: Spectrum, power: FloatArray, share: FloatArray, step: float, x: FloatArray) -> Any:
+    """Return minus Whittle's log-likelihood (...) of one channel at logarithms (3, ...) of both sds and of the time.
 
-    seen: Spectrum
-    power: FloatArray
-    share: FloatArray
-    step: float
+    Args:
+        seen: spectrum.
+        power: of the channel there.
+        share: of the power that is the noise's.
+        step: between samples [s].
+        x: the logarithms.
+    """
+    white, slow, time = np.exp(x)[..., None]
+    decay = np.exp(-step / time)
+    turn = np.cos(2.0 * np.pi * seen.frequency * step)
+    # of the sampled drift, aliases included
+    shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * turn + decay**2)
+    density = share * (white**2 * step + slow**2 * shape)
+    return (np.log(density) + power / density) @ (seen.count * share)
 
-    def cost(self, x: FloatArray) -> Any:
-        """Return - log L (...) at logarithms (3, ...) of both standard deviations and of the time."""
-        white, slow, time = np.exp(x)[..., None]
-        decay = np.exp(-self.step / time)
-        turn = np.cos(2.0 * np.pi * self.seen.frequency * self.step)
-        # of the sampled drift, aliases included
-        shape = self.step * (1.0 - decay**2) / (1.0 - 2.0 * decay * turn + decay**2)
-        density = self.share * (white**2 * self.step + slow**2 * shape)
-        return (np.log(density) + self.power / density) @ (self.seen.count * self.share)
 
-
-def _drawn(of: _Whittle, best: FloatArray, times: tuple[float, float], rng: np.random.Generator) -> FloatArray:
+def _drawn(
+    cost_at: Callable[[FloatArray], Any], best: FloatArray, times: tuple[float, float], rng: np.random.Generator
+) -> FloatArray:
     """Return (draws, 2) of size and time of a drift as likely as the spectrum has them; the white part is known well.
 
     Flat in their logarithms, the time within its bounds.
     """
     sizes, slowness = best[1] + np.linspace(-2.0, 2.0, _SIZES), np.linspace(*times, num=_TIMES_BETWEEN)
     tried = np.stack([np.ravel(axis) for axis in np.meshgrid(best[0], sizes, slowness)])
-    cost = _INDEPENDENT * of.cost(tried)
+    cost = _INDEPENDENT * cost_at(tried)
     weight = np.exp(cost.min() - cost)
     return np.asarray(np.exp(tried[1:, rng.choice(len(cost), _DRAWS, p=weight / weight.sum())]).T)

@@ -65,10 +65,6 @@ class ProcessNoise(Noise):
         start[3:, 3:] = np.diag(self.push**2)
         return linalg.expm(joint * step), drive, start
 
-    def numbers(self) -> FloatArray:
-        """Return all numbers of the model (7,)."""
-        return np.concatenate([self.sigma, self.push, [self.time]])
-
     def _jacobian(self, trial: Trial, samples: int) -> FloatArray:
         """Return A of a trial; of one that the noise was not estimated from, the mean of the others."""
         if trial.name in self.jacobians and len(self.jacobians[trial.name]) >= samples:

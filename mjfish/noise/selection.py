@@ -1,19 +1,63 @@
-"""Selection of a noise: as stated where the data do not contradict it, else the likeliest model."""
+"""Selection of a noise: as stated where the data do not contradict it, else the likeliest model.
+
+Trials that were sampled at different steps have a noise model for each step. Models that count in samples
+(autoregressive ones, filters of positions) mean another spectrum at another step, and what thinned or smoothed a record
+to its step left other noise in it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.signal import lfilter, unit_impulse
 
-from mjfish.arrays import FloatArray
+from mjfish.arrays import BoolArray, FloatArray, readonly
+from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, floor
-from mjfish.noise.by_rate import NoiseByRate, by_step
 from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
 from mjfish.noise.gauss_markov import gauss_markov, longest
+from mjfish.noise.kalman import Gains
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample, remaining_power
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseByRate(Noise):
+    """Noise by sampling step.
+
+    Attributes:
+        sigma: (3,) root mean square of those of the models.
+        models: by step [s], two digits.
+    """
+
+    models: Mapping[float, Noise] = field(default_factory=dict)
+
+    @staticmethod
+    def of(models: Mapping[float, Noise]) -> NoiseByRate:
+        """Return the noise of these models by step."""
+        sigma = np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))
+        return NoiseByRate(readonly(sigma), models=dict(models))
+
+    def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
+        """Return the Kalman filters of the model of the trial's step, or of the nearest step there is."""
+        nearest = min(self.models, key=lambda known: abs(np.log(known / rounded_step(trial))))
+        return self.models[nearest].filters(trial, seen)
+
+
+def rounded_step(trial: Trial) -> float:
+    """Return the step of a trial [s], two digits."""
+    return float(f"{trial.step:.2g}")
+
+
+def by_step(trials: Sequence[Trial]) -> dict[float, list[int]]:
+    """Return, by step [s], which trials were sampled at it."""
+    found: dict[float, list[int]] = {}
+    for index, trial in enumerate(trials):
+        found.setdefault(rounded_step(trial), []).append(index)
+    return found
+
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
 CONTRADICTED = 5.0
@@ -43,15 +87,17 @@ def select(
             return Noise.white(stated), ""
         what = "the stated noise does not fit the data; estimated instead"
     sigma, least = left.sigma, floor(left.trials)
-    models: dict[float, Noise] = {}
-    words: dict[float, str] = {}
-    for step, index in by_step(left.trials).items():
-        # of the noise itself: innovations of a blue one may be far smaller
-        floored = Noise.white(np.maximum(sigma, least)) if stated is None and np.any(sigma < least) else None
-        models[step], words[step] = _at_one_step(left.of_trials(index), floored, jacobians, patterns)
-    if len(models) == 1:
-        return next(iter(models.values())), f"noise: {what} ({next(iter(words.values()))})"
-    listed = "; ".join(f"every {step:g} s: {text}" for step, text in words.items())
+    # of the noise itself: innovations of a blue one may be far smaller
+    floored = Noise.white(np.maximum(sigma, least)) if stated is None and np.any(sigma < least) else None
+    found = {
+        step: _at_one_step(left.of_trials(index), floored, jacobians, patterns)
+        for step, index in by_step(left.trials).items()
+    }
+    if len(found) == 1:
+        ((noise, words),) = found.values()
+        return noise, f"noise: {what} ({words})"
+    listed = "; ".join(f"every {step:g} s: {words}" for step, (_, words) in found.items())
+    models = {step: noise for step, (noise, _) in found.items()}
     return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
 
 

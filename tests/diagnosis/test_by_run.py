@@ -7,8 +7,7 @@ import pytest
 
 from mjfish.arrays import FloatArray, orthonormal, principal_axes, project_out
 from mjfish.block_angular import BlockAngular, Part, block_angular, span
-from mjfish.diagnosis.by_run import ByRun
-from mjfish.diagnosis.sign_flips import flipped_p
+from mjfish.diagnosis.evidence import ByRun, flipped_p
 
 RUNS, ROWS, WAVES = 12, 40, 6
 

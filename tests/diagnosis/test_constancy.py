@@ -11,12 +11,11 @@ from scipy import stats
 
 from mjfish.arrays import orthonormal, project_out
 from mjfish.data import Sensor, Trial
-from mjfish.diagnosis.constancy import of_all_runs, sizes_by_run
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
-from mjfish.diagnosis.select import Goodness, excused
+from mjfish.diagnosis.select import Goodness, excused, of_all_runs, sizes_by_run
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect, find

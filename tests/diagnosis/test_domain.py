@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.diagnosis.domain import explaining_domain, sole_domain
 from mjfish.diagnosis.evidence import gather
+from mjfish.diagnosis.isolability import explaining_domain, sole_domain
 from mjfish.effects import catalogue, of_fish
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Noise, Problem, fit

@@ -20,9 +20,8 @@ from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.failures import Parts, noting, tried
-from mjfish.diagnosis.fan_out import extended
 from mjfish.diagnosis.refit import refit_with
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, extended
 from mjfish.diagnosis.table import Comparison
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
@@ -381,7 +380,7 @@ def test_an_effect_that_raises_on_held_out_trials_alone_is_a_failure() -> None:
 FEW = [
     ("mjfish.block_angular", "numpy.linalg", "svd"),
     ("mjfish.diagnosis.evidence", "numpy.linalg", "eigh"),
-    ("mjfish.estimation.scatter", "scipy.optimize", "minimize"),
+    ("mjfish.estimation.stability", "scipy.optimize", "minimize"),
 ]
 WAYS = ("raises", "no number")
 

@@ -10,8 +10,7 @@ import pytest
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.integration_step import finer, resolved
-from mjfish.diagnosis.refit import lowest, refined, refit_with
+from mjfish.diagnosis.refit import finer, lowest, refined, refit_with, resolved
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit

@@ -23,11 +23,10 @@ import pytest
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, save
 from mjfish.diagnosis import diagnose
-from mjfish.diagnosis import fan_out as module
+from mjfish.diagnosis import refit_result as module
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.fan_out import extended, followed
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
-from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain

@@ -10,8 +10,8 @@ import pytest
 from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
+from mjfish.diagnosis.compared import lone_run, odd_run
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.lone_run import lone_run, odd_run
 from mjfish.effects import catalogue, of_fish
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish

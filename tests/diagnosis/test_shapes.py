@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import refit_with
-from mjfish.diagnosis.shapes import at_best_shapes
+from mjfish.diagnosis.refit import at_best_shapes, refit_with
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from mjfish.arrays import FloatArray, project_out
-from mjfish.diagnosis.sign_flips import flipped_p
+from mjfish.diagnosis.evidence import flipped_p
 
 N, K = 1200, 60
 TIME = np.arange(N)

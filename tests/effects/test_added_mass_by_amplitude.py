@@ -151,7 +151,7 @@ def test_half_of_the_loss_is_there_at_its_number(pike: Fish, turning: Trial) -> 
     fish = curves._Fish.of(model, values, turning)
     numbers_seen = np.array([0.4, 1.0, 4.0, 12.0])
     for index, link in enumerate(pike.links):
-        found = curves._inertia(index, pike)(fish, numbers_seen) / VALUES[f"c_m.{link.group}"]
+        found = curves._inertia(index, pike, fish, numbers_seen) / VALUES[f"c_m.{link.group}"]
         expected = 1.0 - 0.5 * numbers_seen**2 / (numbers_seen**2 + 16.0)
         np.testing.assert_allclose(found, expected, rtol=4e-3)
     assert expected[2] == 0.75
@@ -163,7 +163,9 @@ def test_the_learned_form_begins_like_the_formula(pike: Fish, turning: Trial, va
     learned = LAW.like("added_mass_amplitude", values)
     at = np.geomspace(0.7, 14.0, 9)
     found, expected = (
-        curves._inertia(2, pike)(
+        curves._inertia(
+            2,
+            pike,
             curves._Fish.of(
                 Model(pike, (effect,)), VALUES | {f"{effect.name}.{k}": v for k, v in own.items()}, turning
             ),

@@ -47,7 +47,7 @@ def test_after_a_sudden_start_drag_and_momentum_come_by_the_kernel(pike: Fish, t
     time = np.array([0.01, 0.05, 0.1, 0.3, 0.9])
     early, late = np.exp(-time / NUMBERS["time"]), np.exp(-time / NUMBERS["late_time"])
     for index, link in enumerate(pike.links):
-        drag, mass = (curves._response(kind, index, pike)(fish, time) for kind in ("c_d", "c_m"))
+        drag, mass = (curves._response(kind, index, pike, fish, time) for kind in ("c_d", "c_m"))
         np.testing.assert_allclose(drag, VALUES[f"c_d.{link.group}"] * (1.0 - 0.3 * early - 0.2 * late), rtol=1e-4)
         expected = VALUES[f"c_m.{link.group}"] * (1.0 + 0.6 * (1.0 - early) - 0.3 * (1.0 - late))
         np.testing.assert_allclose(mass, expected, rtol=1e-4)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from changed_fit import having
 from scipy import signal
 from synthetic_swimming import TRUTH, problem, swimming
 
@@ -68,7 +69,8 @@ class Draws:
         residual = self.problem.residual(x) + noise
         jacobian = self.jacobian(x)
         spread = covariance(BlockAngular.of(jacobian), self.base.at_bound)
-        return self.base.having(
+        return having(
+            self.base,
             x=x,
             sse=float(residual @ residual),
             residual=residual,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from changed_fit import having
 from scipy import signal
 from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
@@ -51,7 +52,7 @@ class Draws:
             noises[index] = noises[index] + more
         masks = [self.problem.mask(i) for i in range(len(noises))]
         white = np.concatenate([(e[mask] / SIGMA).ravel() for e, mask in zip(noises, masks, strict=True)])
-        return self.fit.having(residual=self.fit.jacobian.factors.basis.off(white))
+        return having(self.fit, residual=self.fit.jacobian.factors.basis.off(white))
 
 
 def draws(fish: Fish, modes: tuple[str, ...] = ("v1", "v5", "v3-t2"), duration: float = 6.4) -> Draws:

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from mjfish.arrays import FloatArray
 from mjfish.block_angular import BlockAngular
-from mjfish.estimation.gauss_newton import LOSSES, Minimum, minimise
+from mjfish.estimation.fit import LOSSES, Minimum, minimise
 from mjfish.estimation.settings import Loss
 
 Function = Callable[[FloatArray], FloatArray]

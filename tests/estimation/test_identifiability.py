@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_fit import having
 from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import FloatArray
@@ -26,7 +27,8 @@ def fitted(pike: Fish) -> Fit:
 def _with(fitted: Fit, jacobian: FloatArray, sse: float | None = None) -> Fit:
     """Return the fit with another Jacobian, and its covariance."""
     spread = covariance(BlockAngular.of(jacobian), fitted.at_bound)
-    return fitted.having(
+    return having(
+        fitted,
         jacobian=BlockAngular.of(jacobian),
         covariance=spread,
         sse=float(len(jacobian) - 9) if sse is None else sse,

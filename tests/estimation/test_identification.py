@@ -14,7 +14,7 @@ from synthetic_swimming import SIGMA, TRUTH, off_truth, swimming
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Identification, identify
-from mjfish.estimation.identification import first_sigma
+from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.settings import Settings
 from mjfish.files import write_json
 from mjfish.fish import Fish

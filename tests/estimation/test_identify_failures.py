@@ -53,7 +53,7 @@ def _raises(*_given: Any, **_options: Any) -> Any:
 
 @pytest.mark.parametrize("starts", [1, 3])
 def test_a_fit_whose_steps_cannot_be_solved_has_failed(monkeypatch: pytest.MonkeyPatch, starts: int) -> None:
-    spoil(monkeypatch, ("mjfish.estimation.gauss_newton", "scipy.optimize", "lsq_linear"), "raises")
+    spoil(monkeypatch, ("mjfish.estimation.fit", "scipy.optimize", "lsq_linear"), "raises")
     result = _identified(starts)
     _assert_told(result, "failed", "forced")
     assert result.assessment is None
@@ -106,7 +106,7 @@ def test_a_prediction_without_numbers_and_without_a_word_is_told_as_one(monkeypa
 
 
 #: Those that every identification has, for the fast tests.
-_MODULES = ("mjfish.estimation.gauss_newton", "mjfish.block_angular", "mjfish.estimation.scatter")
+_MODULES = ("mjfish.estimation.fit", "mjfish.block_angular", "mjfish.estimation.stability")
 FEW = [call for call in CALLS if call[0] in _MODULES]
 
 

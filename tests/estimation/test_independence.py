@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_fit import having
 from hidden_cases import STRONG
 from residual_draws import Draws, at, draws
 from scipy import stats
@@ -60,7 +61,7 @@ def test_a_residual_taken_for_one_that_was_not_fitted_seems_too_good(pike: Fish)
     rng = np.random.default_rng(22)
     for _ in range(40):
         one = short.drawn(rng, 0.0)
-        unfitted = one.having(jacobian=one.jacobian.scaled(columns=np.zeros(one.jacobian.shape[1])))
+        unfitted = having(one, jacobian=one.jacobian.scaled(columns=np.zeros(one.jacobian.shape[1])))
         for aware, given in ((True, one), (False, unfitted)):
             p[aware].append(_p(_tests(short, given), pooled=True))
     assert stats.kstest(np.concatenate(p[True]), "uniform").pvalue > 1e-3
@@ -175,7 +176,7 @@ def test_channels_that_measured_joints_couple_are_tested_at_their_level(pike: Fi
     drawn, rng = Draws(posed, at(posed, posed.start(TRUTH))), np.random.default_rng(29)
     basis = drawn.fit.jacobian.factors.basis
     tests = [
-        _tests(drawn, drawn.fit.having(residual=basis.off(rng.standard_normal(len(drawn.fit.residual)))))
+        _tests(drawn, having(drawn.fit, residual=basis.off(rng.standard_normal(len(drawn.fit.residual)))))
         for _ in range(30)
     ]
     for channel in {one.channel for one in tests[0]}:

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from changed_fit import having
 from noise_draws import Draws, draws
 from synthetic_swimming import problem, swimming
 
@@ -78,7 +79,7 @@ def test_a_parameter_that_nothing_moves_has_no_narrow_interval(shared: Draws) ->
     one = shared.fit(shared.noise(0.8, np.random.default_rng(1)))
     still = one.jacobian.dense()
     still[:, 3] = 0.0
-    found = intervals(shared.problem, one.having(jacobian=BlockAngular.of(still)))
+    found = intervals(shared.problem, having(one, jacobian=BlockAngular.of(still)))
     assert found.interval("c_d.head") == (0.1, 4.0)
     assert found.inflation[0] < 3.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 from synthetic_swimming import as_measured, problem, swimming
 
 from mjfish.block_angular import BlockAngular
-from mjfish.estimation import gauss_newton
 from mjfish.estimation.fit import fit
 from mjfish.fish import Fish
 
@@ -19,7 +19,7 @@ def test_steps_by_lsmr_find_the_optimum_of_exact_ones(pike: Fish, monkeypatch: p
     driven = swimming(pike, ("v1", "v3", "v5", "v7"), duration=2.5)
     posed = problem(replace(driven, trials=tuple(as_measured(trial, pike) for trial in driven.trials)))
     exact = fit(posed)
-    monkeypatch.setattr(gauss_newton, "_DENSE", 1)
+    monkeypatch.setattr(importlib.import_module("mjfish.estimation.fit"), "_DENSE", 1)
     dense = BlockAngular.dense
 
     def small(matrix: BlockAngular) -> object:

@@ -14,7 +14,7 @@ from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 from mjfish.data import Dataset
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.estimation import fit, optimiser_interface
-from mjfish.estimation.identification import first_sigma
+from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.optimiser_interface import residual_function
 from mjfish.fish import Fish
 

@@ -6,15 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_fit import having
 from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish import sample
 from mjfish.block_angular import BlockAngular
 from mjfish.effects import find
 from mjfish.estimation import Identification, fit, identify
-from mjfish.estimation.posterior import posterior as posterior_of
-from mjfish.estimation.scatter import scatter
+from mjfish.estimation.intervals import posterior as posterior_of
 from mjfish.estimation.settings import Settings
+from mjfish.estimation.stability import scatter
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
@@ -58,7 +59,7 @@ def test_what_the_data_do_not_say_is_as_wide_as_its_bounds(pike: Fish, found: Id
     silent = found.fit.jacobian.dense()
     silent[:, 6] = 0.0
     unsaid = posterior_of(
-        found.problem, found.fit.having(jacobian=BlockAngular.of(silent)), pike, {}, correlated=correlated
+        found.problem, having(found.fit, jacobian=BlockAngular.of(silent)), pike, {}, correlated=correlated
     )
     p = found.fit.parameters[6]
     assert np.sqrt(unsaid.covariance[6, 6]) == pytest.approx(p.high - p.low, rel=1e-9)

@@ -12,8 +12,7 @@ from synthetic_swimming import problem, swimming
 
 from mjfish.arrays import FloatArray
 from mjfish.estimation import Problem, fit
-from mjfish.estimation.by_trial import Reduced
-from mjfish.estimation.scatter import _deviations, scatter
+from mjfish.estimation.stability import Reduced, _deviations, scatter
 from mjfish.fish import Fish
 
 MODES = ("v1", "v3", "v5")

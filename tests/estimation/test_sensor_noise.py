@@ -10,7 +10,7 @@ from synthetic_swimming import problem, swimming
 
 import mjfish
 from mjfish.arrays import FloatArray
-from mjfish.estimation import Score, joint_errors, predict_held_out
+from mjfish.estimation import Score, predict_held_out, sensor_noise
 from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 
 
@@ -57,7 +57,7 @@ def test_a_held_out_run_is_predicted_from_what_its_first_quarter_tells_of_its_jo
 def test_it_is_said_whether_errors_of_measured_joints_matter(
     monkeypatch: pytest.MonkeyPatch, matters: float, told: str
 ) -> None:
-    monkeypatch.setattr(joint_errors, "_MATTERS", matters)
+    monkeypatch.setattr(sensor_noise, "_MATTERS", matters)
     noise = (0.003, 0.003, 0.02)
     pool = mjfish.generate(
         "pike", ["v1"], observe="pose", joints="measured", joint_noise=0.002, noise=noise, duration=3

@@ -14,7 +14,8 @@ from mjfish.data.sensor import CHANNELS_OF, Kind
 from mjfish.errors import InputError
 from mjfish.estimation import Problem
 from mjfish.estimation.fit import fit
-from mjfish.estimation.identification import Identification, first_sigma, pose
+from mjfish.estimation.identification import Identification, pose
+from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.residual import held_out
 from mjfish.known import Beforehand
 

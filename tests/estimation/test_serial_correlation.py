@@ -13,7 +13,7 @@ from synthetic_swimming import problem, swimming
 from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.block_angular import Basis
 from mjfish.estimation import fit
-from mjfish.estimation.serial_correlation import Block, blocks_of, serial
+from mjfish.estimation.serial_correlation import Block, blocks_of, satterthwaite, serial
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
 
@@ -77,7 +77,7 @@ def test_the_middle_is_that_of_the_noise(share: float) -> None:
     flat = columns.reshape(3 * n, 4)
     truth = flat.T @ _covariance(n) @ flat
     none = np.zeros((n, 3, 0))
-    found = _mean_of(_covariance(n), none, counted, lambda one, basis: serial([one], basis).quadratic([columns]))
+    found = _mean_of(_covariance(n), none, counted, lambda one, basis: serial([one], basis).quadratic_of(0, columns))
     early = flat.T @ _covariance(n, -_LATE) @ flat
     assert np.max(np.abs(found - truth)) < 0.1 * np.max(np.abs(truth))
     assert np.max(np.abs(found - early)) > 0.2 * np.max(np.abs(truth))
@@ -92,7 +92,7 @@ def test_what_the_fit_took_out_is_given_back(coloured: bool) -> None:
     every = np.ones(n, dtype=np.bool_)
     flat = columns.reshape(3 * n, p)
     truth = np.diag(flat.T @ omega @ flat)
-    found = _mean_of(omega, columns, every, lambda one, basis: np.diag(serial([one], basis).quadratic([columns])))
+    found = _mean_of(omega, columns, every, lambda one, basis: np.diag(serial([one], basis).quadratic_of(0, columns)))
     assert np.mean(found / truth) == pytest.approx(1.0, abs=0.06 if coloured else 0.02)
 
 
@@ -107,8 +107,8 @@ def test_white_noise_has_no_memory() -> None:
     assert np.all(found.windows == 0.0)
     own = np.sqrt(np.mean(block.residual**2, axis=0))
     expected = np.einsum("tci,c,tcj->ij", columns, own**2, columns)
-    np.testing.assert_allclose(found.quadratic([columns]), expected, rtol=0.01, atol=0.01 * np.max(expected))
-    assert np.all(found.degrees_of_freedom([columns]) > 0.5 * n)
+    np.testing.assert_allclose(found.quadratic_of(0, columns), expected, rtol=0.01, atol=0.01 * np.max(expected))
+    assert np.all(satterthwaite(*found.moments(0, columns)) > 0.5 * n)
 
 
 def test_windows_are_in_seconds_and_of_each_rate_alone() -> None:
@@ -154,7 +154,7 @@ def test_columns_of_long_runs_are_transformed_a_few_at_a_time(monkeypatch: pytes
 
     def found() -> list[FloatArray]:
         one = serial([block], basis)
-        return [one.quadratic([columns]), one.moments(0, columns), one.moments(0, columns, total=True)]
+        return [one.quadratic_of(0, columns), one.moments(0, columns), one.moments(0, columns, total=True)]
 
     at_once = found()
     monkeypatch.setattr("mjfish.estimation.serial_correlation._NUMBERS", 2 * 3 * n)

@@ -12,7 +12,7 @@ from bad_data import SIGMA, good, rows, spoiled, velocity
 from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
-from mjfish.diagnosis.corrections import weighed
+from mjfish.diagnosis.compared import weighed
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.inspection import Finding, inspect, inspect_fit

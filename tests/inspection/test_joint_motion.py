@@ -11,8 +11,7 @@ from bad_data import good
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.inspection import inspect
-from mjfish.inspection.joint_motion import unresolved
-from mjfish.inspection.samples import interpolated
+from mjfish.inspection.samples import interpolated, unresolved
 
 TIME = np.arange(0.0, 8.0, 0.02)
 FREQUENCY = 2.0

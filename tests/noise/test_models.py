@@ -17,7 +17,7 @@ from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation import fit as fitted
 from mjfish.estimation.noise_of_fit import noise_of, noise_sample, state_jacobians
-from mjfish.estimation.omnibus import HATS, hats, omnibus
+from mjfish.estimation.omnibus import HATS, by_channel, functions, hats
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.noise import (
@@ -258,7 +258,8 @@ def test_the_filter_of_differentiated_positions_is_found_and_is_likelier_than_an
 
 def _shapes(problem: Problem) -> list[FloatArray]:
     cpg = problem.model.fish.cpg
-    return [omnibus(cpg, trial)[problem.mask(i)] for i, trial in enumerate(problem.trials)]
+    waves = [by_channel(functions(cpg, trial, trial.time), range(3), 3) for trial in problem.trials]
+    return [own[problem.mask(i)] for i, own in enumerate(waves)]
 
 
 @pytest.mark.parametrize("rounding", [0.03, 0.07, 0.15])

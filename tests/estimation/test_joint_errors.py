@@ -11,8 +11,8 @@ import mjfish
 from mjfish.arrays import FloatArray
 from mjfish.data import Sensor
 from mjfish.drive.measured import Smoothing, smoothing
-from mjfish.noise import joint_errors
-from mjfish.noise.joint_errors import HEAD, JOINT, Along, JointErrors
+from mjfish.estimation import sensor_noise
+from mjfish.estimation.sensor_noise import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import filtered_states, whitened
 
 STEP, SAMPLES, SIGMA = 0.04, 40, 0.01
@@ -73,7 +73,7 @@ def test_the_error_of_an_angle_is_that_of_its_spline() -> None:
 @pytest.mark.parametrize("stretch", [4096, 7], ids=["at once", "in stretches"])
 def test_whitening_is_that_of_the_covariance_of_the_whole_run(stretch: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """X' (R + H P H')^-1 x, sensors that lack samples among them; however many samples are held at once."""
-    monkeypatch.setattr(joint_errors, "_STRETCH", stretch)
+    monkeypatch.setattr(sensor_noise, "_STRETCH", stretch)
     rng, errors = np.random.default_rng(5), _errors(2)
     rows = (np.arange(SAMPLES), np.arange(0, SAMPLES, 3))
     readings = tuple(
