@@ -149,18 +149,21 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
         console.show(_fits(result.assessment))
     if result.sensor_scores:
         console.show(_sensors(result))
-    console.say(*_words(result, profiles))
+    for text in _words(result, profiles):
+        console.item("-", text)
 
 
 def _coefficients(result: Identification) -> Table:
-    headings = ("parameter", "estimate", "low", "high", "standard error", "remark")
-    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter", "remark"))
+    headings = ("parameter", "estimate", "low", "high", "standard error")
+    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
     fit, assessment = result.fit, result.assessment
-    for index, (p, at_bound) in enumerate(zip(fit.parameters, fit.at_bound, strict=True)):
+    for index, p in enumerate(fit.parameters):
         low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
         sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
         cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
-        table.add_row(p.name, *cells, "at its bound" if at_bound else "")
+        table.add_row(p.name.replace(":", ":\n"), *cells)
+    if held := [p.name for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if at_bound]:
+        table.caption = f"at its bound: {', '.join(held)}"
     return table
 
 
@@ -193,8 +196,8 @@ def _fits(assessment: Assessment) -> Table:
     from mjfish.frames import CHANNELS
 
     horizons = (None, *HORIZONS)
-    headings = ("simulated" if horizon is None else str(horizon) for horizon in horizons)
-    title = "fit in percent: simulated, and predicted so many samples ahead"
+    headings = ("simulated" if horizon is None else f"{horizon} ahead" for horizon in horizons)
+    title = "fit in percent: simulated, and samples ahead"
     table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
     scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreement if a.part == "whole"}
     for trial in dict.fromkeys(a.trial for a in assessment.agreement):
@@ -208,31 +211,31 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
 
     assessment = result.assessment
     if assessment is not None:
-        yield from (f"- {weakness.text}" for weakness in assessment.weaknesses)
-        yield f"- {assessment.stability.text}"
+        yield from (weakness.text for weakness in assessment.weaknesses)
+        yield assessment.stability.text
         if scattered := {name: tau for name, tau in assessment.stability.scatter.items() if tau > 0.0}:
             listed = ", ".join(f"{name} {number(tau, 2)}" for name, tau in scattered.items())
-            yield f"- scatter from trial to trial beyond the errors (standard deviations): {listed}"
+            yield f"scatter from trial to trial beyond the errors (standard deviations): {listed}"
         tests, rank = assessment.residual_tests, assessment.criteria
         yield (
-            f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
+            f"residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
             f"drive {p_value(tests.p_independent)}"
         )
         if rank.samples:
-            yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
+            yield f"AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
         else:
-            yield "- no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
+            yield "no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
         held = [r.trial for r in assessment.residuals if r.role == "held_out"]
         seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
         if any(not trial.starts_at_rest for trial in held) or any(seen):
             share = percent(PREFIX, 2)
-            yield f"- what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
+            yield f"what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
     for profile in profiles:
         yield (
-            f"- profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "
+            f"profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "
             f"({profile.low_side}) to {number(profile.high, 4)} ({profile.high_side}); {profile.status}"
         )
-    yield from (f"- {remark}" for remark in result.remarks)
+    yield from result.remarks
     if result.starts > 1:
         yield f"{round(result.reached * result.starts)} of {result.starts} starts reached the best optimum"
     yield f"fit {result.fit.status} after {result.fit.evaluations} evaluations"
