@@ -302,11 +302,7 @@ def profiles(
 ) -> Iterator[Profile]:
     """Yield the `profile` of each of these parameters, side by side."""
     known = known or intervals(problem, fitted, level=level)
-    return mapped(partial(_profiled, problem, fitted=fitted, known=known, level=level), names, sent=True)
-
-
-def _profiled(problem: Problem, name: str, *, fitted: Fit, known: Intervals, level: float) -> Profile:
-    return profile(problem, fitted, name, level=level, known=known)
+    return mapped(partial(profile, problem, fitted, known=known, level=level), names, sent=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -171,7 +171,7 @@ def check(
         span = _by_channel(reach)
         levels.append(Level(step / 2**halving, _by_channel(difference), _by_channel(difference / reach)))
     orders = tuple(_order(a.worst, b.worst) for a, b in pairwise(levels))
-    status = "diverged" if message else _status(levels, orders, bound)
+    agree = not message and levels[0].worst < bound and all(order > ORDER for order in orders)
     return CrossCheck(
         fish=body.name,
         drive=mode,
@@ -180,7 +180,7 @@ def check(
         levels=tuple(levels),
         orders=orders,
         bound=bound,
-        status=status,
+        status="diverged" if message else "agrees" if agree else "disagrees",
         message=message or _message(levels, orders, bound),
     )
 
@@ -205,10 +205,6 @@ def _by_channel(numbers: FloatArray) -> dict[str, float]:
 def _order(coarse: float, fine: float) -> float:
     """Return the observed order; infinite where the finer difference is rounding."""
     return math.log2(coarse / fine) if fine > _ROUNDING else math.inf
-
-
-def _status(levels: list[Level], orders: tuple[float, ...], bound: float) -> Literal["agrees", "disagrees"]:
-    return "agrees" if levels[0].worst < bound and all(order > ORDER for order in orders) else "disagrees"
 
 
 def _message(levels: list[Level], orders: tuple[float, ...], bound: float) -> str:
