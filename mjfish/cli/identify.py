@@ -54,7 +54,10 @@ def identify(
     console.check_outputs(json_, table, fish, suffixes=[(fish, FISH), (table, SUFFIXES)])
     settings = Settings(
         free=tuple(free or ("*",)),
-        fixed=_fixed(fix or []),
+        fixed={
+            **dict.fromkeys(text.strip() for text in fix or [] if "=" not in text),
+            **console.assignments([text for text in fix or [] if "=" in text], "--fix"),
+        },
         bounds=dict(_bounds(text) for text in bounds or []),
         start=console.assignments(start or [], "--start"),
         loss=loss,  # type: ignore[arg-type]  # refused by Settings where unknown
@@ -78,13 +81,6 @@ def identify(
     if result.fit.status != "converged":
         console.complain(result.fit.status, result.fit.message)
         raise typer.Exit(console.NOT_GOOD)
-
-
-def _fixed(texts: list[str]) -> dict[str, float | None]:
-    return {
-        **dict.fromkeys(text.strip() for text in texts if "=" not in text),
-        **console.assignments([text for text in texts if "=" in text], "--fix"),
-    }
 
 
 def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:

@@ -88,7 +88,7 @@ def simulate(
         from mjfish.simulation.viewer import tank
 
         check_display()
-        console.say("sliders: panel Control on the right; close the window to end")
+        console.say("sliders: panel Control on the right", "arrows: force of the water, key B; close the window to end")
         show(tank(fish, mode, values=values, effects=known, drive=drive, free=free))
         return
     others = [] if draws is None else _fish_in(draws)

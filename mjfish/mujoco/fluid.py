@@ -73,9 +73,9 @@ class StripFluid:
     the strips of a link, with the Munk moment of [Lamb, art. 124] (`mjfish.hydro.spatial_force`).
 
     The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`, which
-    `current` writes; gravity and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model from now on: of its copies,
-    in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second `StripFluid` on a model replaces the
-    first; other coefficients on a copy of a model leave the original alone.
+    `current` writes; gravity and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model
+    from now on: of its copies, in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second
+    `StripFluid` on a model replaces the first; other coefficients on a copy of a model leave the original alone.
 
     A model compiled anew, by `MjSpec.compile` or `recompile`, has none: put it there again.
 
@@ -358,11 +358,12 @@ def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[
 
 
 def _set_current(model: mujoco.MjModel, current: Sequence[float] | FloatArray | None) -> None:
-    if current is None:
-        return
+    current = model.opt.wind if current is None else current
     check_type("current", current, Sequence[float] | FloatArray)
     if np.shape(current) != (3,) or not np.all(np.isfinite(current)):
-        raise InputError(f"current: found {np.array(current).tolist()}, expected three finite numbers, x, y, z [m/s]; correct it")
+        raise InputError(
+            f"current: found {np.array(current).tolist()}, expected three finite numbers, x, y, z [m/s]; correct it"
+        )
     model.opt.wind[:] = current
 
 

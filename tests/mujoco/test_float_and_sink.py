@@ -17,7 +17,7 @@ _RHO, _GRAVITY, _C_D = 1000.0, 9.81, 1.2
 @pytest.mark.parametrize("coupling", ["inertia", "xfrc"])
 @pytest.mark.parametrize("density", [300.0, 1000.0, 2700.0])
 def test_a_bar_rises_hovers_or_sinks_as_on_paper(density: float, coupling: Coupling) -> None:
-    """v = V tanh(t / T) with F = (rho - density) V g, V = sqrt(2 F / (rho c_d 2 r L)), T = (m + m_a) V / F."""
+    """The speed is V tanh(t / T) with F = (rho - density) V g, V = sqrt(2 F / (rho c_d 2 r L)), T = (m + m_a) V / F."""
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option gravity="0 0 -{_GRAVITY}" integrator="RK4" timestep=".002"/><worldbody>
         <body name="bar"><freejoint/><geom type="cylinder" size="{_RADIUS} {_LENGTH / 2}" zaxis="1 0 0"

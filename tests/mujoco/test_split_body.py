@@ -17,8 +17,10 @@ _HALVES = (
     f'</default><worldbody><body name="front"><freejoint/>{_HALF}<body name="back" pos="-.15 0 0">{_HALF}</body>'
     "</body></worldbody></mujoco>"
 )
-_WHOLE = _HALVES.replace('<body name="back" pos="-.15 0 0">', "").replace("</body></body>", "</body>").replace(
-    f"{_HALF}{_HALF}", '<geom type="box" size=".15 .01 .05" pos="-.15 0 0" density="900"/>'
+_WHOLE = (
+    _HALVES.replace('<body name="back" pos="-.15 0 0">', "")
+    .replace("</body></body>", "</body>")
+    .replace(f"{_HALF}{_HALF}", '<geom type="box" size=".15 .01 .05" pos="-.15 0 0" density="900"/>')
 )
 _SECTION = {"height": 0.1, "width": 0.02, "c_d": 1.5, "munk_moment": 1.0}
 
