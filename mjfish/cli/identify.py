@@ -130,11 +130,22 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
 
 
 def _write_fish(result: Identification, file: Path) -> None:
-    from mjfish.estimation.identification import identified_fish, origin
+    """Write the identified fish; at its top is where its coefficients come from, and at which runs they were fitted."""
+    import numpy as np
 
-    fixed = result.problem.fixed if result.problem is not None else {}
-    fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    write(file, fish, origin(result.dataset.fish, result.dataset.name, result.fit, fixed))
+    from mjfish.data.looking import for_looking
+    from mjfish.estimation.identification import identified_fish, origin
+    from mjfish.inspection.runs import beats
+
+    runs = [for_looking(trial) for trial in result.dataset.split()[0]]
+    seen = {
+        "mean surge": ([float(np.nanmean(trial.velocity[:, 0])) for trial in runs if trial.measured[0]], "m/s"),
+        "beat": ([frequency for trial in runs for frequency in beats(trial)], "Hz"),
+    }
+    told = [f"{what} {min(at):.3g} to {max(at):.3g} {unit}" for what, (at, unit) in seen.items() if at]
+    fish = identified_fish(result.dataset.fish, result.fit, {} if result.problem is None else result.problem.fixed)
+    last = f"Fitted runs: {', '.join(told) or 'not measured'}. Nothing is known beyond, or of another body."
+    write(file, fish, [*origin(result), last])
 
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:
