@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich import box
 
 import mjfish
 from mjfish.cli import console
@@ -56,10 +55,7 @@ def compare(
 
 
 def _show(result: Comparison) -> None:
-    shown = console.table(
-        f"{result.dataset}: rollouts against measurements", _HEADINGS, ("trial", "channel"),
-        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0),
-    )  # fmt: skip
+    shown = console.table(f"{result.dataset}: rollouts against measurements", _HEADINGS, ("trial", "channel"))
     for trial in result.trials:
         for row, cells in enumerate(_lines(trial)):
             shown.add_row(trial.trial if row == 0 else "", *cells)

@@ -15,9 +15,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -40,8 +41,8 @@ STDOUT = Path("-")
 
 #: Characters that a text has beside a word, however narrow the terminal.
 _NARROWEST = 40
-#: Width at which every table fits.
-_ENDLESS = 10_000
+#: Width at which every table fits, and characters of a name that stay on one line of it.
+_ENDLESS, _SHORTEST = 10_000, 14
 #: Seconds between lines of progress.
 _EVERY = 20.0
 #: Share that must be done before the time left is told: before, it is mostly that of the compiler.
@@ -84,11 +85,13 @@ def item(word: str, text: str, style: str = "") -> None:
 
 
 def show(shown: Table) -> None:
-    """Print a table with all of its letters: numbers are broken into lines, too, where there is no room else."""
-    narrowest = out.measure(shown, options=out.options.update(width=_ENDLESS)).minimum
-    if narrowest > out.width:
-        for column in shown.columns:
-            column.no_wrap = False
+    """Print a table with all of its letters: names are broken into lines where there is no room, then numbers, too."""
+    for column in shown.columns:
+        column.max_width = None if column.no_wrap else _SHORTEST
+    narrowest = out.measure(shown, options=out.options.update(width=_ENDLESS)).maximum
+    for column in shown.columns:
+        column.max_width = None
+        column.no_wrap = column.no_wrap and narrowest <= out.width
     out.print(shown)
 
 
@@ -165,9 +168,12 @@ def complain(what: str, message: str) -> None:
     err.print(Text.assemble((f"{what}:", "bold red"), " ", message), soft_wrap=True)
 
 
-def table(title: str, headings: Iterable[str], left: Collection[str] = (), **style: Any) -> Table:
-    """Return a table whose columns are flush right but for those named in `left`; `style` goes to rich's ``Table``."""
-    shown = Table(title=title, **style)
+def table(title: str, headings: Iterable[str], left: Collection[str] = ()) -> Table:
+    """Return a table whose columns are flush right but for those named in `left`."""
+    shown = Table(
+        title=f"\n{title}" if title else None, title_justify="left", caption_justify="left",
+        box=box.SIMPLE, collapse_padding=True, pad_edge=False, show_edge=False,
+    )  # fmt: skip
     for heading in headings:
         justify: Literal["left", "right"] = "left" if heading in left else "right"
         shown.add_column(heading, justify=justify, no_wrap=heading not in left, overflow="fold")

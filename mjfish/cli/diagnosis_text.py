@@ -246,7 +246,7 @@ def _evidence(evidence: Evidence) -> Table:
     from mjfish.diagnosis.thresholds import THRESHOLDS as LIMITS
 
     headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
-    table = console.table("What the verdict is read from", headings, ("causes",), box=None, padding=(0, 1, 0, 0))
+    table = console.table("What the verdict is read from", headings, ("causes",))
     for row in evidence.rows:
         tested = (percent(row.left), p_value(row.fit_p)) if row.tests else (NONE, NONE)
         table.add_row(

@@ -85,9 +85,8 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
         *found.drawing,
         "",
     )
-    headings = ("link", "group", "length", "mass", "displaced", "com", "inertia", "added mass", "added inertia")
-    table = console.table("", headings, left=("link", "group"), box=None, padding=(0, 1, 0, 0))
-    table.add_row("", "", "m", "kg", "kg", "m", "kg m2", "kg", "kg m2", style="dim")
+    units = ("length\nm", "mass\nkg", "displaced\nkg", "com\nm", "inertia\nkg m2", "added\nkg", "added\nkg m2")
+    table = console.table("", ("link", "group", *units), left=("link", "group"))
     for link in found.links:
         numbers = (link.length, link.mass, link.displaced, link.com, link.inertia, link.added, link.added_inertia)
         table.add_row(link.name, link.group, *(f"{number:.3g}" for number in numbers))

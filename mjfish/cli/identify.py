@@ -54,7 +54,10 @@ def identify(
     console.check_outputs(json_, table, fish, suffixes=[(fish, FISH), (table, SUFFIXES)])
     settings = Settings(
         free=tuple(free or ("*",)),
-        fixed=_fixed(fix or []),
+        fixed={
+            **dict.fromkeys(text.strip() for text in fix or [] if "=" not in text),
+            **console.assignments([text for text in fix or [] if "=" in text], "--fix"),
+        },
         bounds=dict(_bounds(text) for text in bounds or []),
         start=console.assignments(start or [], "--start"),
         loss=loss,  # type: ignore[arg-type]  # refused by Settings where unknown
@@ -78,13 +81,6 @@ def identify(
     if result.fit.status != "converged":
         console.complain(result.fit.status, result.fit.message)
         raise typer.Exit(console.NOT_GOOD)
-
-
-def _fixed(texts: list[str]) -> dict[str, float | None]:
-    return {
-        **dict.fromkeys(text.strip() for text in texts if "=" not in text),
-        **console.assignments([text for text in texts if "=" in text], "--fix"),
-    }
 
 
 def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
@@ -134,11 +130,22 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
 
 
 def _write_fish(result: Identification, file: Path) -> None:
-    from mjfish.estimation.identification import identified_fish, origin
+    """Write the identified fish; at its top is where its coefficients come from, and at which runs they were fitted."""
+    import numpy as np
 
-    fixed = result.problem.fixed if result.problem is not None else {}
-    fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    write(file, fish, origin(result.dataset.fish, result.dataset.name, result.fit, fixed))
+    from mjfish.data.looking import for_looking
+    from mjfish.estimation.identification import identified_fish, origin
+    from mjfish.inspection.runs import beats
+
+    runs = [for_looking(trial) for trial in result.dataset.split()[0]]
+    seen = {
+        "mean surge": ([float(np.nanmean(trial.velocity[:, 0])) for trial in runs if trial.measured[0]], "m/s"),
+        "beat": ([frequency for trial in runs for frequency in beats(trial)], "Hz"),
+    }
+    told = [f"{what} {min(at):.3g} to {max(at):.3g} {unit}" for what, (at, unit) in seen.items() if at]
+    fish = identified_fish(result.dataset.fish, result.fit, {} if result.problem is None else result.problem.fixed)
+    last = f"Fitted runs: {', '.join(told) or 'not measured'}. Nothing is known beyond, or of another body."
+    write(file, fish, [*origin(result), last])
 
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:
@@ -149,18 +156,21 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
         console.show(_fits(result.assessment))
     if result.sensor_scores:
         console.show(_sensors(result))
-    console.say(*_words(result, profiles))
+    for text in _words(result, profiles):
+        console.item("-", text)
 
 
 def _coefficients(result: Identification) -> Table:
-    headings = ("parameter", "estimate", "low", "high", "standard error", "remark")
-    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter", "remark"))
+    headings = ("parameter", "estimate", "low", "high", "standard error")
+    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
     fit, assessment = result.fit, result.assessment
-    for index, (p, at_bound) in enumerate(zip(fit.parameters, fit.at_bound, strict=True)):
+    for index, p in enumerate(fit.parameters):
         low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
         sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
         cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
-        table.add_row(p.name, *cells, "at its bound" if at_bound else "")
+        table.add_row(p.name.replace(":", ":\n"), *cells)
+    if held := [p.name for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if at_bound]:
+        table.caption = f"at its bound: {', '.join(held)}"
     return table
 
 
@@ -193,8 +203,8 @@ def _fits(assessment: Assessment) -> Table:
     from mjfish.frames import CHANNELS
 
     horizons = (None, *HORIZONS)
-    headings = ("simulated" if horizon is None else str(horizon) for horizon in horizons)
-    title = "fit in percent: simulated, and predicted so many samples ahead"
+    headings = ("simulated" if horizon is None else f"{horizon} ahead" for horizon in horizons)
+    title = "fit in percent: simulated, and samples ahead"
     table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
     scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreement if a.part == "whole"}
     for trial in dict.fromkeys(a.trial for a in assessment.agreement):
@@ -208,31 +218,31 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
 
     assessment = result.assessment
     if assessment is not None:
-        yield from (f"- {weakness.text}" for weakness in assessment.weaknesses)
-        yield f"- {assessment.stability.text}"
+        yield from (weakness.text for weakness in assessment.weaknesses)
+        yield assessment.stability.text
         if scattered := {name: tau for name, tau in assessment.stability.scatter.items() if tau > 0.0}:
             listed = ", ".join(f"{name} {number(tau, 2)}" for name, tau in scattered.items())
-            yield f"- scatter from trial to trial beyond the errors (standard deviations): {listed}"
+            yield f"scatter from trial to trial beyond the errors (standard deviations): {listed}"
         tests, rank = assessment.residual_tests, assessment.criteria
         yield (
-            f"- residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
+            f"residuals: {tests.status}; p value of whiteness {p_value(tests.p_white)}, of independence of the "
             f"drive {p_value(tests.p_independent)}"
         )
         if rank.samples:
-            yield f"- AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
+            yield f"AICc {rank.aicc:.6g}, BIC {rank.bic:.6g}, FPE {rank.fpe:.4g} with {rank.parameters} parameters"
         else:
-            yield "- no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
+            yield "no AICc, BIC, FPE: they are those of surge, sway and yaw rate together"
         held = [r.trial for r in assessment.residuals if r.role == "held_out"]
         seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
         if any(not trial.starts_at_rest for trial in held) or any(seen):
             share = percent(PREFIX, 2)
-            yield f"- what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
+            yield f"what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
     for profile in profiles:
         yield (
-            f"- profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "
+            f"profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "
             f"({profile.low_side}) to {number(profile.high, 4)} ({profile.high_side}); {profile.status}"
         )
-    yield from (f"- {remark}" for remark in result.remarks)
+    yield from result.remarks
     if result.starts > 1:
         yield f"{round(result.reached * result.starts)} of {result.starts} starts reached the best optimum"
     yield f"fit {result.fit.status} after {result.fit.evaluations} evaluations"

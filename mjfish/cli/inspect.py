@@ -54,9 +54,8 @@ def show(report: DataReport) -> None:
     """Print the runs, then what they cannot show, then the findings, worst first."""
     first = report.summary().partition("\n")[0]
     console.say((first, "bold"))
-    headings = ("run", "role", "s", "Hz", "surge", "sway", "yaw rate", "driven by")
-    table = console.table("", headings, left=("run", "role", "driven by"), box=None, padding=(0, 1, 0, 0))
-    table.add_row("", "", "", "", "mean m/s", "rms m/s", "rms rad/s", "", style="dim")
+    headings = ("run", "role", "s", "Hz", "surge\nmean m/s", "sway\nrms m/s", "yaw rate\nrms rad/s", "driven by")
+    table = console.table("", headings, left=("run", "role", "driven by"))
     for run in report.to_dict()["trials"]:
         sizes = (run["mean"]["surge"], run["rms"]["sway"], run["rms"]["yaw_rate"])
         role = "held out" if run["held_out"] else "fit"

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich import box
 from rich.text import Text
 
 import mjfish
@@ -89,7 +88,7 @@ def simulate(
         from mjfish.simulation.viewer import tank
 
         check_display()
-        console.say("sliders: panel Control on the right; close the window to end")
+        console.say("sliders: panel Control on the right", "arrows: force of the water, key B; close the window to end")
         show(tank(fish, mode, values=values, effects=known, drive=drive, free=free))
         return
     others = [] if draws is None else _fish_in(draws)
@@ -194,7 +193,7 @@ def _check_servos(
         table.add_section()
     console.show(table)
     for result in results:
-        console.out.print(Text.assemble(f"{result.drive}: ", _status(result), f", {result.message}"), soft_wrap=True)
+        console.item(f"{result.drive}: {result.status}", result.message, _style(result))
     return results
 
 
@@ -211,23 +210,22 @@ def _check_engines(extended_fish: Extended, names: Sequence[str], reference: Pat
     words = ("mode", "engine", "coupling", "integrator", "verdict")
     headings = (*words[:-1], "step", "to ODE", "to ref.", "order", "verdict")
     table = console.table(
-        f"{extended_fish.fish.name}, joints prescribed: largest differences in velocity", headings, words,
-        box=box.SIMPLE, collapse_padding=True, pad_edge=False, show_edge=False,
-        caption="to ODE: relative to the channel's range; to ref.: in m/s and rad/s; step in ms",
-    )  # fmt: skip
+        f"{extended_fish.fish.name}, joints prescribed: largest differences in velocity", headings, words
+    )
+    table.caption = "to ODE: of the channel's range; to ref.: in m/s and rad/s; step in ms"
     for row, following in zip(rows, (*rows[1:], None), strict=True):
         differences = (_known(row.to_ode, ".1e"), _known(row.to_reference, ".1e"), _known(row.order, ".2f"))
         engine = (row.mode, row.engine, row.coupling, row.integrator)
         last = following is not None and following.case != row.case
-        table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, _status(row), end_section=last)
+        table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, Text(row.status, _style(row)), end_section=last)
     console.show(table)
     if reference is None:
         console.say("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
     return rows
 
 
-def _status(result: CrossCheck | Row) -> Text:
-    return Text(result.status, style=f"bold {'green' if result.passed else 'red'}")
+def _style(result: CrossCheck | Row) -> str:
+    return f"bold {'green' if result.passed else 'red'}"
 
 
 def _known(value: float, style: str) -> str:

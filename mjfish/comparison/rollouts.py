@@ -113,7 +113,10 @@ def assign(against: Sequence[Path], trials: Sequence[Trial]) -> tuple[dict[str, 
             _check_own(file, trial, found.get(trial.name))
             found[trial.name] = file
     if not found:
-        listed = ", ".join(sorted(_shown(file) for file in unused)[:5]) or "no tables"
+        listed = (
+            ", ".join(sorted(f.name if f.stem != _ANONYMOUS else f"{_name(f)}/{f.name}" for f in unused)[:5])
+            or "no tables"
+        )
         where = ", ".join(map(str, against))
         raise InputError(f"{where}: no rollout of any trial; found {listed}; {_expected(trials)}")
     return found, tuple(unused)
@@ -132,10 +135,6 @@ def _files(path: Path) -> list[Path]:
 
 def _name(file: Path) -> str:
     return file.resolve().parent.name if file.stem == _ANONYMOUS else file.stem
-
-
-def _shown(file: Path) -> str:
-    return f"{_name(file)}/{file.name}" if file.stem == _ANONYMOUS else file.name
 
 
 def _expected(trials: Sequence[Trial]) -> str:

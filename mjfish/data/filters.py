@@ -63,7 +63,7 @@ class Differentiator:
         """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
         if not self.turned:
             return self._filtered(trial, block)
-        recorded = _integral(trial.time, trial.velocity[:, 2])
+        recorded = np.asarray(interpolate.CubicSpline(trial.time, trial.velocity[:, 2]).antiderivative()(trial.time))
         heading = recorded
         for _ in range(_ROUNDS):  # the recorded one comes of a rate that was smoothed
             heading = heading + recorded - self._filtered(trial, heading)
@@ -128,11 +128,6 @@ def restored_filter(fields: Mapping[str, Any] | None) -> Filter | None:
     """Return the filter whose fields these are."""
     kind = GaussianFilter if fields and "sd" in fields else Differentiator
     return kind(**fields) if fields else None
-
-
-def _integral(time: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return the integral from the first sample on of columns (n, ...) of samples."""
-    return np.asarray(interpolate.CubicSpline(time, columns).antiderivative()(time))
 
 
 def _turned(block: FloatArray, angle: FloatArray) -> FloatArray:

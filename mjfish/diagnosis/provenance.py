@@ -61,9 +61,10 @@ def _summed(value: Any) -> Any:
 
 
 def _own(candidates: Sequence[Effect]) -> list[Path]:
-    """Return the files of the causes that do not come with the package."""
-    modules = {sys.modules.get(type(effect).__module__) for effect in candidates}
-    files = [Path(module.__file__).resolve() for module in modules if module is not None and module.__file__]
+    """Return the files of the causes that do not come with the package; a class made by `type` is said to be in abc."""
+    names = {type(effect).__module__ for effect in candidates} - sys.stdlib_module_names
+    modules = [sys.modules.get(name) for name in names]
+    files = [Path(module.__file__).resolve() for module in modules if module and module.__file__]
     return sorted(file for file in files if not file.is_relative_to(_PACKAGE))
 
 

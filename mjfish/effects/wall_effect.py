@@ -68,7 +68,7 @@ class WallEffect(Effect):
 
     def cannot_act(self, trial: Trial) -> str:
         """The walls must be known."""
-        return "the walls are not known: the dataset has no tank = {x = [lo, hi], y = [lo, hi]}" * (trial.tank is None)
+        return "the walls are not known: dataset.toml has no [tank]" * (trial.tank is None)
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the walls, x and then y; without a tank, walls that are nowhere near."""

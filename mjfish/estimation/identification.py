@@ -402,27 +402,24 @@ def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = No
     return fish.with_numbers(fit.values).with_coefficients(changed)
 
 
-def origin(fish: Fish, dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:
+def origin(result: Identification) -> list[str]:
     """Return lines that say where the numbers of the identified fish come from, for the top of its file.
 
-    Args:
-        fish: the fish.
-        dataset: name of the dataset.
-        fit: of the fish.
-        fixed: coefficients that the fit was told.
+    Every coefficient has its interval, as in the table of `mjfish identify`.
     """
+    fit, fixed = result.fit, result.problem.fixed if result.problem is not None else {}
+    known = fit if result.assessment is None else result.assessment.intervals
     lines = [
-        f"Coefficients identified from the dataset '{dataset}' by mjfish {version('mjfish')}: {fit.status},",
-        f"sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate +- standard error:",
+        f"Coefficients of this body, from the dataset '{result.dataset.name}' by mjfish {version('mjfish')}:",
+        f"{fit.status}, sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate (95 % interval):",
     ]
-    for name in fish.coefficient_names:
-        if name in fit.values:
-            at_bound = fit.at_bound[[p.name for p in fit.parameters].index(name)]
-            error = "at its bound" if at_bound else f"+- {fit.sigma[name]:.2g}"
-            lines.append(f"  {name} = {fit.values[name]:.6g} {error}")
+    held = {p.name: ", at its bound" * bool(at) for p, at in zip(fit.parameters, fit.at_bound, strict=True)}
+    for name in result.dataset.fish.coefficient_names:
+        if name in held:
+            low, high = known.interval(name)
+            lines.append(f"  {name} = {fit.values[name]:.6g} ({low:.4g} to {high:.4g}){held[name]}")
         else:
-            where = "held fixed" if name in (fixed or {}) else "not fitted"
-            lines.append(f"  {name} {where}")
+            lines.append(f"  {name} {'held fixed' if name in fixed else 'not fitted'}")
     if fit.status != "converged":
         lines.append(f"The fit {fit.status}: {fit.message}")
     return lines

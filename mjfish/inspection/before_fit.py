@@ -232,7 +232,7 @@ def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | Non
         >>> from mjfish.inspection import report_on
         >>> report = report_on(mjfish.generate("pike", ["v1", "v3-t1"], noise=(0.01, 0.01, 0.05)))
         >>> report.undetectable["wall_effect"]
-        'the walls are not known: the dataset has no tank = {x = [lo, hi], y = [lo, hi]}'
+        'the walls are not known: dataset.toml has no [tank]'
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)

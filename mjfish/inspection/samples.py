@@ -301,8 +301,8 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
         levels, counts = np.unique(sign * values, return_counts=True)
         if len(levels) <= _NEXT or levels[-1] == 0.0:
             continue
-        piled = int(counts[-1])
-        if piled >= max(_CLIPPED, _PILE * counts[-1 - _NEXT : -1].max()) and _several(sign * values == levels[-1]):
+        piled, apart = int(counts[-1]), np.diff(np.flatnonzero(sign * values == levels[-1])) > 1
+        if piled >= max(_CLIPPED, _PILE * counts[-1 - _NEXT : -1].max()) and apart.any():  # at one place it is stuck
             return Finding(
                 "stuck-clipped",
                 "suspect",
@@ -315,11 +315,6 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
                 channels=(name,),
             )
     return None
-
-
-def _several(at: BoolArray) -> bool:
-    """Whether the samples stand in two places at least: a single place is a channel that was stuck."""
-    return int(np.count_nonzero(np.diff(at.astype(np.int8)) > 0)) + int(at[0]) > 1
 
 
 def _longest(same: BoolArray) -> tuple[int, int]:

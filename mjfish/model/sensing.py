@@ -169,17 +169,12 @@ def _direction(heading: FloatArray) -> FloatArray:
     return np.stack([np.cos(heading), np.sin(heading)], axis=1)
 
 
-def _surge_acceleration(sensor: Sensor, seen: Moments) -> FloatArray:
-    turning = seen.state[:, 2]
-    return np.asarray(seen.rate[:, 0] - turning * seen.state[:, 1] + sensor.station * turning**2)
-
-
-def _sway_acceleration(sensor: Sensor, seen: Moments) -> FloatArray:
-    return np.asarray(seen.rate[:, 1] + seen.state[:, 2] * seen.state[:, 0] - sensor.station * seen.rate[:, 2])
-
-
 _INERTIAL: dict[str, Callable[[Sensor, Moments], FloatArray]] = {
     "yaw_rate": lambda _, seen: seen.state[:, 2],
-    "surge_acceleration": _surge_acceleration,
-    "sway_acceleration": _sway_acceleration,
+    "surge_acceleration": lambda sensor, seen: (
+        seen.rate[:, 0] - seen.state[:, 2] * seen.state[:, 1] + sensor.station * seen.state[:, 2] ** 2
+    ),
+    "sway_acceleration": lambda sensor, seen: (
+        seen.rate[:, 1] + seen.state[:, 2] * seen.state[:, 0] - sensor.station * seen.rate[:, 2]
+    ),
 }

@@ -101,7 +101,8 @@ def _set(root: ET.Element, spec: mujoco.MjSpec, fish: Fish) -> None:
     option.set("timestep", _number(spec.option.timestep))
     option.set("integrator", next(name for name, kind in mjcf.INTEGRATORS.items() if kind == spec.option.integrator))
     for link in fish.links:
-        for inertial in _body(root, link.name).iterfind("inertial"):
+        body = next(element for element in root.iter("body") if element.get("name") == link.name)
+        for inertial in body.iterfind("inertial"):
             inertial.set("pos", _row(spec.body(link.name).ipos))
 
 
@@ -131,10 +132,6 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
         servo.clear()
         servo.tag = "position"
         servo.attrib.update(attributes)
-
-
-def _body(root: ET.Element, name: str) -> ET.Element:
-    return next(element for element in root.iter("body") if element.get("name") == name)
 
 
 def _custom(numerics: dict[str, tuple[float, ...]]) -> Iterator[str]:

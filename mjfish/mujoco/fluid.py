@@ -72,15 +72,15 @@ class StripFluid:
     in the same step, not one step late (`mjfish.mujoco.coupling`). A_i and f_i are integrals of the Morison force over
     the strips of a link, with the Munk moment of [Lamb, art. 124] (`mjfish.hydro.spatial_force`).
 
-    The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`; gravity
-    and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model from now on: of its copies,
-    in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second `StripFluid` on a model replaces the
-    first; other coefficients on a copy of a model leave the original alone.
+    The water owns `xfrc_applied` of its bodies: push these by `qfrc_applied`. A current is MuJoCo's `opt.wind`, which
+    `current` writes; gravity and its flag are MuJoCo's too, and buoyancy follows them. The water is part of the model
+    from now on: of its copies, in `mujoco.rollout`, `mujoco.batch` and the viewer, in every thread. A second
+    `StripFluid` on a model replaces the first; other coefficients on a copy of a model leave the original alone.
 
     A model compiled anew, by `MjSpec.compile` or `recompile`, has none: put it there again.
 
-    Two things in the model change: `opt.o_solimp`, which is unused, leads to the water, and autoreset is disabled, so
-    that a run which diverges is seen (`state`) and not silently started again.
+    Two things in the model change, and `opt.wind` with a `current`: `opt.o_solimp`, which is unused, leads to the
+    water, and autoreset is disabled, so that a run which diverges is seen (`state`) and not silently started again.
 
     With coupling ``inertia`` mjData's inertia `M` (and what is computed from it, such as `mj_fullM`) has the added mass
     in it after a step, and force sensors lack the inertial force of the water; with ``xfrc`` both are as without water.
@@ -119,6 +119,7 @@ class StripFluid:
         links: Sequence[Link | Mapping[str, Any]] | None = None,
         *,
         density: float | None = None,
+        current: Sequence[float] | FloatArray | None = None,
         coupling: Coupling | None = None,
         commanded: bool = False,
         loads: Sequence[tuple[Load, Sequence[float]]] = (),
@@ -130,6 +131,7 @@ class StripFluid:
             links: bodies with their sections and coefficients; None: as the model's custom numerics say
                 (``strip_fluid/BODY/KEY``). Two links may share a body.
             density: of the water [kg/m3]; 1000 where nobody says.
+            current: velocity of the water (3,) in the world [m/s], uniform and steady; None: that in `opt.wind`.
             coupling: None: the one that is right for this model, ``inertia`` where both are.
             commanded: userdata holds the servo commands of each step, see `mjfish.mujoco.rollout`.
             loads: extra forces on every link (`mjfish.hydro.load`), with their parameters; they see the motion of a
@@ -169,6 +171,7 @@ class StripFluid:
         _warn_of_sizes(model, self.links)
         chosen: Coupling = choose(model, bodies, coupling)
         self.coupling: Coupling = chosen
+        _set_current(model, current)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
         numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
@@ -352,6 +355,16 @@ def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[
         for value in parameters:
             if not isinstance(value, Real) or not np.isfinite(float(value)):
                 raise InputError(f"loads.{number}: found the parameter {value!r}, expected a finite number; correct it")
+
+
+def _set_current(model: mujoco.MjModel, current: Sequence[float] | FloatArray | None) -> None:
+    current = model.opt.wind if current is None else current
+    check_type("current", current, Sequence[float] | FloatArray)
+    if np.shape(current) != (3,) or not np.all(np.isfinite(current)):
+        raise InputError(
+            f"current: found {np.array(current).tolist()}, expected three finite numbers, x, y, z [m/s]; correct it"
+        )
+    model.opt.wind[:] = current
 
 
 def _check_compiled(model: object) -> None:

@@ -1,7 +1,8 @@
 """The fish in MuJoCo's own viewer, the water on, with sliders for its drive and its coefficients.
 
 The viewer has a slider for every actuator (panel Control). Beside the servos, which the drive moves, the model has
-actuators that push with nothing: their sliders are read before every picture.
+actuators that push with nothing: their sliders are read before every picture. Arrows are the force of the water on
+each link, which stands in `xfrc_applied` whole with the coupling "xfrc"; MuJoCo draws them, and its key B hides them.
 """
 
 from __future__ import annotations
@@ -92,6 +93,7 @@ class Tank:
         }
         spec = mjcf.prepared(fish, mjcf.spec(fish, free), _STEP, "RK4")
         spec.nuserdata = 0  # the servos read ctrl
+        spec.visual.map.force = 0.03 * fish.length  # an arrow is a third of the fish long at 10 m/s2 of the mean link
         servos = len(spec.actuators)
         for name, (low, _, high) in ranges.items():
             slider = spec.add_actuator(
@@ -112,7 +114,7 @@ class Tank:
             self.data.ctrl[self.sliders[name]] = value
         self._servos = slice(0, servos)
         self._clock = 0.0
-        self.water = StripFluid(self.model, self._strips(), density=fish.density, loads=loads)
+        self.water = StripFluid(self.model, self._strips(), density=fish.density, coupling="xfrc", loads=loads)
 
     def _strips(self) -> tuple[StripLink, ...]:
         """Return the links with the coefficients that the sliders show."""
@@ -164,6 +166,7 @@ def swim(tank: Tank, handle: Any) -> None:
     """
     with handle.lock():
         handle.cam.type, handle.cam.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING.value, 1
+        handle.opt.flags[mujoco.mjtVisFlag.mjVIS_PERTFORCE] = True
         handle.cam.distance, handle.cam.azimuth, handle.cam.elevation = 2.5 * tank.length, 90.0, -50.0
     while handle.is_running():
         started = time.monotonic()

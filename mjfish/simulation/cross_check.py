@@ -166,12 +166,14 @@ def check(
         message = run.message or same.message
         if message:
             break
-        difference = np.abs(_boundaries(same) - run.velocity).max(axis=0)
+        at_ends = np.concatenate([same.state[:, 0], same.state[-1:, 1]])[:, : len(CHANNELS)]
+        difference = np.abs(at_ends - run.velocity).max(axis=0)
         reach = np.ptp(run.velocity, axis=0)
         span = _by_channel(reach)
         levels.append(Level(step / 2**halving, _by_channel(difference), _by_channel(difference / reach)))
-    orders = tuple(_order(a.worst, b.worst) for a, b in pairwise(levels))
-    status = "diverged" if message else _status(levels, orders, bound)
+    worst = [level.worst for level in levels]
+    orders = tuple(math.log2(a / b) if b > _ROUNDING else math.inf for a, b in pairwise(worst))
+    agree = not message and levels[0].worst < bound and all(order > ORDER for order in orders)
     return CrossCheck(
         fish=body.name,
         drive=mode,
@@ -180,7 +182,7 @@ def check(
         levels=tuple(levels),
         orders=orders,
         bound=bound,
-        status=status,
+        status="diverged" if message else "agrees" if agree else "disagrees",
         message=message or _message(levels, orders, bound),
     )
 
@@ -193,22 +195,8 @@ def _loads(extended: Extended, mode: str, duration: float) -> LoadsOfRun:
     return extended.loads(trial)
 
 
-def _boundaries(rollout: ode.Rollout) -> FloatArray:
-    """Return the velocity (n + 1, 3) at the boundaries of the steps."""
-    return np.concatenate([rollout.state[:, 0], rollout.state[-1:, 1]])[:, : len(CHANNELS)]
-
-
 def _by_channel(numbers: FloatArray) -> dict[str, float]:
     return dict(zip(CHANNELS, numbers.tolist(), strict=True))
-
-
-def _order(coarse: float, fine: float) -> float:
-    """Return the observed order; infinite where the finer difference is rounding."""
-    return math.log2(coarse / fine) if fine > _ROUNDING else math.inf
-
-
-def _status(levels: list[Level], orders: tuple[float, ...], bound: float) -> Literal["agrees", "disagrees"]:
-    return "agrees" if levels[0].worst < bound and all(order > ORDER for order in orders) else "disagrees"
 
 
 def _message(levels: list[Level], orders: tuple[float, ...], bound: float) -> str:

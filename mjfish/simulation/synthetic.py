@@ -114,7 +114,11 @@ def generate(
         drive = table_iv.drive(mode, fish.joints)
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         if observe == "pose":
-            sensors = (*_camera(time), *sensors)
+            sensors = (
+                Sensor("position", "position", time, np.zeros((len(time), 2))),
+                Sensor("heading", "heading", time, np.zeros((len(time), 1))),
+                *sensors,
+            )
         blank = Trial(trial_name, role, time, still, drive, pose=begin, tank=tank, sensors=sensors)
         check_can_act(model.effects, blank)
         truth |= {f"{effect.name}.{k}": v for effect in model.effects for k, v in effect.drawn(draws).items()}
@@ -134,14 +138,6 @@ def generate(
         trials.append(trial)
     stated = readonly(sigma) if np.any(sigma > 0.0) and observe == "velocity" else None
     return Dataset(recording.get("name", "synthetic"), fish, tuple(trials), noise=stated)
-
-
-def _camera(time: FloatArray) -> tuple[Sensor, Sensor]:
-    """Return sensors of the place of the nose and of the heading."""
-    return (
-        Sensor("position", "position", time, np.zeros((len(time), 2))),
-        Sensor("heading", "heading", time, np.zeros((len(time), 1))),
-    )
 
 
 def _filmed(trial: Trial, sigma: FloatArray, rng: np.random.Generator) -> Trial:

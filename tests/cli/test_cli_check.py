@@ -12,6 +12,7 @@ from command_line import Run
 
 from mjfish import fish as fishes
 from mjfish import simulation as crosscheck
+from mjfish.cli import console
 
 
 @pytest.fixture
@@ -33,6 +34,19 @@ def test_engines_that_agree_exit_with_0_and_say_by_how_much(run: Run, tmp_path: 
     assert "v1: agrees" in shown
     for heading in ("step [ms]", "surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]"):
         assert heading in shown
+
+
+@pytest.mark.usefixtures("short")
+def test_at_80_columns_no_line_is_longer_and_no_mode_or_heading_is_cut(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console.out, "_width", 80)
+    lines = run("check --mode v3-t2").stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    (headings,) = (line for line in lines if line.startswith("mode"))
+    for heading in ("step [ms]", "surge [m/s]", "sway [m/s]", "yaw_rate [rad/s]", "of the bound", "order"):
+        assert heading in headings
+    assert sum(line.startswith("v3-t2 ") for line in lines) == 2  # a row a step
 
 
 @pytest.mark.usefixtures("short")

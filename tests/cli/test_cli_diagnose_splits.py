@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -43,8 +44,9 @@ def stubbed(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 def _rows(printed: str) -> list[list[str]]:
     """Return the cells of the tables, a list a row."""
-    lines = [line for line in printed.replace("\N{NO-BREAK SPACE}", " ").splitlines() if line.startswith("│")]
-    return [[cell.strip() for cell in line.strip("│").split("│")] for line in lines]
+    below = re.findall(r"^─+\n((?:.*\n)+?)(?=\S*─|\Z)", printed.replace("\N{NO-BREAK SPACE}", " "), re.MULTILINE)
+    rows = [re.split(r"  +(?!\()", line.strip()) for table in below for line in table.splitlines()]
+    return [row for row in rows if len(row) == 5 and row[0] != "held out"]
 
 
 def test_the_diagnosis_is_told_first_and_the_splits_behind_it(stubbed: Run) -> None:

@@ -45,6 +45,9 @@ def test_json_on_standard_output_is_json_alone_and_a_folder_has_a_page_and_json(
     page = (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
     for text in ("design-no-turn", "the walls are not known", "<b>v1</b>", "held out, 521 samples at 50 Hz"):
         assert text in page
+    headings = re.findall(r"<h2>(.*?)</h2>", page)
+    assert headings == ["Contents", "Findings", "What the runs cannot show", "Channels"]
+    assert re.findall(r'<a href="#section-\d">(.*?)</a>', page) == headings[1:]
     assert not re.search(r"""(src|href)=["']http""", re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL))
 
 

@@ -266,6 +266,8 @@ def test_provenance_knows_the_fish_and_the_causes_of_ones_own(named: Diagnosis) 
     alone = provenance(named.dataset, tuple(catalogue().values()), 0)
     saved = provenance(named.dataset, tuple(catalogue([OWN]).values()), 0)
     assert set(saved["inputs"]) - set(alone["inputs"]) == {OWN.name}
+    made = type("Made", (Effect,), {n: getattr(find("time_offset"), n) for n in ("name", "domain", "parameters")})()
+    assert provenance(named.dataset, (made,), 0)["inputs"] == alone["inputs"], "a file of Python's own is no input"
     heavier = replace(named.dataset, fish=named.dataset.fish.model_copy(update={"name": "another"}))
     assert provenance(heavier, (), 0)["fish"] != saved["fish"]
 

@@ -220,8 +220,8 @@ def test_oscillated_plate_feels_drag_and_added_mass_of_the_closed_form() -> None
 
 def test_plate_left_in_a_current_is_carried_along() -> None:
     """From u = c to u = c / (1 + k c t / (m + m_a)), k = rho c_d A / 2, of the velocity relative to the water."""
-    fluid = _plate()
-    fluid.model.opt.wind[1] = current = 0.8
+    current = 0.8
+    fluid = StripFluid(_plate().model, current=(0.0, current, 0.0))
     data = _run(fluid, lambda _: 0.0, 3.0)
     added = _RHO * np.pi * _HEIGHT**2 / 4.0 * _LENGTH
     drag = 0.5 * _RHO * 1.9 * _HEIGHT * _LENGTH

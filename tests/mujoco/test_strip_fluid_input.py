@@ -87,6 +87,14 @@ def test_density_must_be_positive(density: Any) -> None:
         StripFluid(compiled(PLATE), [PLATE_LINK], density=density)
 
 
+@pytest.mark.parametrize("current", [1.0, "east", (0.1, 0.2), (0.1, 0.2, np.nan), np.zeros((3, 1))])
+def test_current_must_be_three_numbers_and_is_not_set_else(current: Any) -> None:
+    model = compiled(PLATE)
+    with pytest.raises(InputError, match=r"current: found .*expected"):
+        StripFluid(model, [PLATE_LINK], current=current)
+    assert not model.opt.wind.any()
+
+
 @pytest.mark.parametrize(
     ("links", "message"),
     [

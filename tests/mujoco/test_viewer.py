@@ -6,6 +6,7 @@ import contextlib
 from types import SimpleNamespace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -128,7 +129,9 @@ class _Window:
 
     def __init__(self, shown: Tank, pictures: int) -> None:
         self.cam: Any = SimpleNamespace()
+        self.opt = mujoco.MjvOption()
         self.shown, self.left, self.times = shown, pictures, []
+        self.arrows: list[int] = []
 
     def is_running(self) -> bool:
         self.left -= 1
@@ -139,6 +142,10 @@ class _Window:
 
     def sync(self) -> None:
         self.times.append(self.shown.data.time)
+        model, data, scene = self.shown.model, self.shown.data, mujoco.MjvScene(self.shown.model, maxgeom=1000)
+        mujoco.mjv_updateScene(model, data, self.opt, None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene)
+        arrow = mujoco.mjtGeom.mjGEOM_ARROW
+        self.arrows.append(sum(geom.type == arrow for geom in scene.geoms[: scene.ngeom]))
         self.shown.data.ctrl[self.shown.sliders["c_d.tail"]] = 1.5
 
 
@@ -148,8 +155,22 @@ def test_the_viewer_is_kept_up_to_date_until_it_is_closed(pike: Fish) -> None:
     with shown.water.installed():
         viewer.swim(shown, window)
     np.testing.assert_allclose(window.times, 0.02 * np.arange(1, 6))
+    assert window.arrows == [len(pike.links)] * 5
     assert window.cam.trackbodyid == shown.model.body("head").id
     assert shown.water.links[-1].c_d == 1.5
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_arrows_are_the_whole_force_of_the_water(pike: Fish, free: bool) -> None:
+    """MuJoCo draws them from `xfrc_applied`, in the steady state neither as a dot nor far longer than the fish."""
+    shown = tank(pike, free=free)
+    with shown.water.installed():
+        shown.advance(3.0)
+        mujoco.mj_forward(shown.model, shown.data)
+        applied = shown.data.xfrc_applied[[shown.model.body(link.name).id for link in pike.links]]
+        np.testing.assert_allclose(applied, shown.water.wrenches(shown.data)["total"], rtol=1e-9, atol=1e-12)
+        lengths = np.linalg.norm(applied[:, :3], axis=1) * shown.model.vis.map.force / shown.model.stat.meanmass
+    assert 0.02 < lengths.max() / pike.length < 2.0
 
 
 def test_without_a_display_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,8 @@ def _drawn(quantity: str, curves: list[MeasuredCurve]) -> FormFigure:
     words = QUANTITY_NAMES.get(quantity, quantity)
     been = "; ".join(f"{curve.group} {_been(curve)}" for curve in curves)
     caption = f"{quantity} over the {x.name.replace('_', ' ')}, with its 95 % band. Where the runs have been: {been}."
-    return FormFigure(f"{words}: {_listed(groups)}", caption, curve_figure(curves), min(len(curves) / COLUMNS, 1.0))
+    named = " and ".join([", ".join(groups[:-1]), groups[-1]] if len(groups) > 1 else groups)
+    return FormFigure(f"{words}: {named}", caption, curve_figure(curves), min(len(curves) / COLUMNS, 1.0))
 
 
 def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
@@ -104,7 +105,3 @@ def _been(curve: MeasuredCurve) -> str:
     low, high = (number(x, 2) for x in curve.seen)
     only = " (the runs bear one number, no curve)" if curve.bears == "number" else ""
     return f"{low} to {high} {curve.x.unit}{only}"
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -17,18 +17,10 @@ from mjfish.reporting.words import CHANNEL_NAMES
 _OPEN = 4
 
 
-def write_data_report(report: DataReport, findings: go.Figure, path: Path) -> None:
-    """Write the page, whole or not at all.
-
-    Args:
-        report: what to show.
-        findings: the figure that lists its findings.
-        path: of the page.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+def write_data_report(report: DataReport, path: Path) -> None:
+    """Write the page, whole or not at all, or raise `InputError`."""
     first, _, rest = report.summary().partition("\n")
+    findings = [f"{finding.severity}: {finding.code}: {finding.message}" for finding in report.inspection.findings]
     cannot = [f"{name}: {reason}." for name, reason in report.undetectable.items()]
     cannot += [f"{', '.join(names)}: not told with the finding {code}." for code, names in report.unclear.items()]
     held_out = {trial.name for trial in report.dataset.split()[1]}
@@ -38,9 +30,10 @@ def write_data_report(report: DataReport, findings: go.Figure, path: Path) -> No
     )
     write_figures(
         path,
-        Section(first, rest.partition("\n")[0], {}, (Block("Findings", "", findings),)),
-        Section("What the runs cannot show", " ".join(cannot) or "Every cause may show.", {}, ()),
+        Section("Findings", "\n\n".join([rest.partition("\n")[0], *findings]), {}, ()),
+        Section("What the runs cannot show", "\n\n".join(cannot) or "Every cause may show.", {}, ()),
         Section("Channels", "As measured, run by run.", {}, blocks),
+        title=first.removesuffix("."),
     )
 
 

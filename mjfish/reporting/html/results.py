@@ -190,7 +190,7 @@ def _(result: Diagnosis, path: Path) -> None:
 
 @write_report.register
 def _(result: DataReport, path: Path) -> None:
-    write_data_report(result, figure(result.inspection), path)
+    write_data_report(result, path)
 
 
 @write_report.register

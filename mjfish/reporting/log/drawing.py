@@ -214,12 +214,12 @@ def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
 def reach(figures: Sequence[Figure], path: FloatArray, time: FloatArray) -> float:
     """Return how far from the camera's point (n, 3) at times (n,) any nose or joint is, at most [m]."""
     points = [figure.at(time) for figure in figures]
-    away = [np.linalg.norm(point - path, axis=1) for figure in points for point in (figure.path, *_joints(figure))]
+    away = [
+        np.linalg.norm(point - path, axis=1)
+        for figure in points
+        for point in (figure.path, *figure.place.swapaxes(0, 1))
+    ]
     return float(np.max(away))
-
-
-def _joints(figure: Figure) -> list[FloatArray]:
-    return [figure.place[:, k] for k in range(figure.place.shape[1])]
 
 
 def beat_paths(figure: Figure, measured: Figure, starts: FloatArray) -> list[FloatArray]:
