@@ -2,7 +2,8 @@
 
 from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.estimate import Estimate
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, DiagnosisData, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.saved import SavedDiagnosis, load_diagnosis
 from mjfish.diagnosis.splits import Share, Split, SplitMechanism, Splits, diagnose_splits
 from mjfish.diagnosis.table import Row, Table
 
@@ -10,10 +11,12 @@ __all__ = [
     "Candidate",
     "Cause",
     "Diagnosis",
+    "DiagnosisData",
     "Estimate",
     "FittedModel",
     "Overlay",
     "Row",
+    "SavedDiagnosis",
     "SensorOverlay",
     "Share",
     "Split",
@@ -22,4 +25,5 @@ __all__ = [
     "Table",
     "diagnose",
     "diagnose_splits",
+    "load_diagnosis",
 ]

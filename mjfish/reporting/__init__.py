@@ -55,11 +55,11 @@ def write_curves(result: Any, folder: str | Path) -> tuple[Path, ...]:
     Raises:
         InputError: this kind of result has no curves, or a file cannot be written.
     """
-    from mjfish.diagnosis import Diagnosis
+    from mjfish.diagnosis import DiagnosisData
     from mjfish.errors import InputError
     from mjfish.reporting import curves
 
-    if not isinstance(result, Diagnosis):
+    if not isinstance(result, DiagnosisData):
         raise InputError(f"{folder}: {type(result).__name__} has no curves to write; print it, or read its to_dict()")
     return curves.write_curves(result.mechanisms, Path(folder))
 

@@ -76,7 +76,7 @@ def _assert_told(result: Diagnosis, part: str, reason: str) -> None:
     assert any(part in remark and reason in remark for remark in result.remarks)
     assert result.status != "ok"
     assert result.causes == ()
-    assert complaints("diagnosis-4", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-5", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.fixture(scope="module")
@@ -396,7 +396,7 @@ def test_where_a_solver_fails_nothing_is_claimed(
     assert calls
     assert result.verdict not in CLAIMS
     assert result.failures
-    assert complaints("diagnosis-4", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-5", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.mark.slow
