@@ -19,6 +19,7 @@ from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.estimate import Estimate, estimates
 from mjfish.diagnosis.evidence import Evidence
+from mjfish.diagnosis.failures import folded
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.lone_run import odd_run
@@ -181,7 +182,7 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
 
 def failed_remarks(failures: Mapping[str, str]) -> Iterator[str]:
     """Yield what failed, in words."""
-    yield from (f"failed: {part}: {reason}" for part, reason in failures.items())
+    yield from (f"failed: {parts}: {reason}" for parts, reason in folded(failures))
 
 
 def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequence[Trial]) -> Iterator[str]:
