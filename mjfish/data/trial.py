@@ -283,10 +283,15 @@ class Dataset:
 
         Where any trial has a role, those without one are fitted. Where none has, every third trial is held out,
         beginning with the second: spread over the list, at least one of two, and never the first.
+
+        Raises:
+            InputError: there is none to fit.
         """
         if any(trial.role is not None for trial in self.trials):
             held = [trial.role == "held_out" for trial in self.trials]
         else:
             held = [index % 3 == 1 for index in range(len(self.trials))]
+        if all(held):
+            raise InputError(f"{self.name}: no trial to fit, expected one or more; add one, or hold out fewer")
         pairs = list(zip(self.trials, held, strict=True))
         return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)

@@ -214,7 +214,9 @@ def plan(
     """
     if rivals and causes:
         raise InputError("rivals: found with causes, expected one of them; drop the other")
-    check_velocities(diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset, "a plan")
+    dataset = diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset
+    dataset.split()  # refuses one without trials
+    check_velocities(dataset, "a plan")
     with executing(jobs):
         if isinstance(diagnosis, Dataset) and not rivals and not causes:
             diagnosis = diagnose(diagnosis, effects=effects, progress=part(progress, 0.0, 0.5))

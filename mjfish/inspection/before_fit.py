@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.effects import Effect, catalogue
+from mjfish.effects import Causes, catalogue
 from mjfish.estimation.clocks import aligned
 from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import Finding
@@ -26,7 +26,7 @@ from mjfish.inspection.wave_frequency import wave_frequencies
 from mjfish.model import Model
 
 
-def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> Inspection:
+def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:
     """Test a dataset before anything is fitted to it: signs, units, labels, clocks, copies, missing runs.
 
     Velocities are in m/s and rad/s, times in s, as `mjfish.load_dataset` reads them. Nothing is raised for bad data:
@@ -35,13 +35,14 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
 
     Args:
         dataset: the trials, or the folder of ``dataset.toml``.
-        effects: the causes that findings may concern, by name; None: the shipped catalogue.
+        effects: the causes that findings may concern, by name, or Python files with causes of your own; None: the
+            shipped ones.
 
     Returns:
         The findings, the worst first; those of severity ``blocks`` make a diagnosis worthless.
 
     Raises:
-        InputError: `dataset` is a folder that cannot be read.
+        InputError: `dataset` is a folder that cannot be read, or has no trial to fit; a file of effects is none.
 
     Example:
         >>> import mjfish
@@ -51,7 +52,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    known = catalogue() if effects is None else effects
+    known = catalogue(effects)
     complete = tuple(trial for trial in dataset.trials if trial.measured.all())
     others = [trial for trial in dataset.trials if not trial.measured.all()]
     beside = [*nominal.time_units(others, {trial.name: nominal.time_factor(trial) for trial in others})]
@@ -60,7 +61,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
         return Inspection.of([*beside, *missing_runs(dataset, known)], known)
     whole, dataset = dataset, replace(dataset, trials=complete)
     frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
-    held = [trial.name for trial in dataset.split()[1]]
+    held = [trial.name for trial in whole.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     trials = [trial for trial in dataset.trials if trial.name not in silent]

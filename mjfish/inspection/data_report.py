@@ -11,7 +11,7 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.looking import for_looking
-from mjfish.effects import Effect, catalogue, of_fish
+from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.frames import CHANNELS
 from mjfish.inspection.before_fit import inspect
 from mjfish.inspection.finding import EVERYTHING
@@ -78,12 +78,12 @@ class DataReport(Result):
         }
 
 
-def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> DataReport:
+def report_on(dataset: Dataset | str | Path, effects: Causes = None) -> DataReport:
     """Say what is in a dataset, what is wrong with it, and which causes it cannot show. Nothing is fitted.
 
     Args:
         dataset: the trials, with velocities in m/s and rad/s and times in s, or the folder of ``dataset.toml``.
-        effects: causes by name; None: the shipped catalogue.
+        effects: causes by name, or Python files with causes of your own; None: the shipped ones.
 
     Raises:
         InputError: `dataset` is a folder that cannot be read.
@@ -97,7 +97,7 @@ def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | Non
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    known = of_fish(catalogue() if effects is None else effects, dataset.fish)
+    known = of_fish(catalogue(effects), dataset.fish)
     reasons = {name: reason for name, effect in known.items() if (reason := effect.not_applicable(dataset))}
     return DataReport(dataset, inspect(dataset, known), reasons, tuple(known))
 
