@@ -5,8 +5,8 @@ The names below are imported when they are first used:
 
 - the fish, the data and the model: `Fish`, `load_fish`, `new_fish`, `Dataset`, `Trial`, `load_dataset`, `Model`,
   `Effect`, `Parameter`;
-- what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `sample`, `plan`,
-  `compare`;
+- what can be done with them: `simulate`, `generate`, `check`, `inspect`, `identify`, `diagnose`, `load_diagnosis`,
+  `sample`, `plan`, `compare`;
 - the water for any MuJoCo model: `StripFluid`, `StripLink`, `BluntLink`;
 - `MjfishError`, the base of every error that a wrong input raises.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mjfish.comparison import compare
     from mjfish.data import Dataset, Trial, load_dataset
     from mjfish.design import plan
-    from mjfish.diagnosis import diagnose
+    from mjfish.diagnosis import diagnose, load_diagnosis
     from mjfish.effects import Effect
     from mjfish.errors import MjfishError
     from mjfish.estimation import identify
@@ -55,6 +55,7 @@ _HOME = {
     "inspect": "inspection",
     "identify": "estimation",
     "diagnose": "diagnosis",
+    "load_diagnosis": "diagnosis",
     "sample": "model.posterior",
     "plan": "design",
     "compare": "comparison",
@@ -80,6 +81,7 @@ __all__ = [
     "identify",
     "inspect",
     "load_dataset",
+    "load_diagnosis",
     "load_fish",
     "new_fish",
     "plan",

@@ -20,7 +20,7 @@ _hints = functools.cache(get_type_hints)
 
 
 def checked(function: F) -> F:
-    """Return a public function of mjfish that refuses arguments of another type than it declares.
+    """Return a public function or method of mjfish that refuses arguments of another type than it declares.
 
     Raises:
         InputError: by the returned function; says which argument, what was found, and what was expected. Also where
@@ -33,10 +33,11 @@ def checked(function: F) -> F:
     def call(*args: Any, **keywords: Any) -> Any:
         hints = _hints(function)
         for name, value in signature.bind(*args, **keywords).arguments.items():
-            if get_origin(hints[name]) is Unpack:
-                _check_options(function.__name__, value, *get_args(hints[name]))
+            hint = hints.get(name, Any)  # of self there is none
+            if get_origin(hint) is Unpack:
+                _check_options(function.__name__, value, *get_args(hint))
             else:
-                check(f"{function.__name__}: {name}", value, hints[name])
+                check(f"{function.__name__}: {name}", value, hint)
         with system_refusals():
             return function(*args, **keywords)
 

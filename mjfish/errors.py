@@ -62,6 +62,12 @@ def system_refusals() -> Iterator[None]:
     """Make what the system says of a file that is named, such as a name that is too long, bad input."""
     try:
         yield
+    except ValueError as error:
+        if not str(error).startswith("embedded null"):
+            raise
+        raise InputError(
+            "the name of a file or folder holds a character NUL, which none can have; correct it"
+        ) from error
     except OSError as error:
         if error.filename is None:
             raise

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
+import re
 import shutil
 import tempfile
 import uuid
@@ -14,6 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from mjfish.errors import InputError, UnwritableError
+from mjfish.serialise import plain
+
+#: A list of nothing but numbers, a line each, as `json` writes it: no string has a line break.
+_NUMBERS = re.compile(r"\[\n[^\[\]{}\"]+\n *\]")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -56,16 +60,9 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def json_text(content: Any) -> str:
-    """Return plain data as `write_json` writes it."""
-    return json.dumps(_finite(content), indent=2, allow_nan=False) + "\n"
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
+    """Return plain data as `write_json` writes it: indented, but a list of nothing but numbers takes one line."""
+    text = json.dumps(plain(content), indent=2, allow_nan=False)
+    return _NUMBERS.sub(lambda found: " ".join(found[0].split()).replace("[ ", "[").replace(" ]", "]"), text) + "\n"
 
 
 def exists(path: Path) -> bool:

@@ -26,7 +26,7 @@ from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.files import exists
 from mjfish.known import Known
 from mjfish.parameter import Parameter
-from mjfish.tomlfile import Table
+from mjfish.tomlfile import Table, complaining
 
 #: Kinds of coefficients, in the order of [Yu2016], Table III.
 KINDS = {"c_m": "inertia (added mass)", "c_d": "drag across the body", "c_f": "skin friction along the body"}
@@ -207,6 +207,13 @@ class Fish(Table):
     servo: Servo | None = None
     known: tuple[Known, ...] = ()
 
+    def __init__(self, **keys: object) -> None:
+        """Make a fish by hand; what is wrong is said as of a file."""
+        with complaining("Fish"):
+            super().__init__(**keys)
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # `parse` does not come here
+
     @model_validator(mode="before")
     @classmethod
     def _split(cls, raw: object) -> object:
@@ -216,7 +223,7 @@ class Fish(Table):
     @model_serializer(mode="wrap")
     def _joined(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
         table = handler(self)
-        del table["known"]
+        table.pop("known", None)
         return known_numbers.joined(table, self.known)
 
     @model_validator(mode="after")

@@ -81,19 +81,19 @@ def new_fish(
         links = _links(["head", *(f"body_{k}" for k in range(1, joints)), "tail"], ends, sections, mass)
         groups = tuple(dict.fromkeys(link.group for link in links))
         damping = _DAMPED * min(link.inertia + link.mass * link.com**2 for link in links[1:])
-        return Fish(
-            schema=1,
-            name=name,
-            about="shape and coefficients in proportion to a robotic pike; length, mass, joints and height measured",
-            density=density,
-            links=links,
-            sections=sections,
-            coefficients=Coefficients(
+        return Fish.model_validate({
+            "schema": 1,
+            "name": name,
+            "about": "shape and coefficients in proportion to a robotic pike; length, mass, joints and height measured",
+            "density": density,
+            "links": links,
+            "sections": sections,
+            "coefficients": Coefficients(
                 **{kind: ByGroup({group: _coefficient(kind) for group in groups}) for kind in _COEFFICIENTS}
             ),
-            cpg=_oscillators(joints),
-            servo=Servo(kp=float(f"{_STIFF * damping:.3g}"), kv=float(f"{damping:.3g}")),
-        )
+            "cpg": _oscillators(joints),
+            "servo": Servo(kp=float(f"{_STIFF * damping:.3g}"), kv=float(f"{damping:.3g}")),
+        })  # fmt: skip
 
 
 def _check(length: float, mass: float, joints: int, height: float, width: float) -> None:

@@ -6,6 +6,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from mjfish.arguments import checked
 from mjfish.files import write_json
 from mjfish.serialise import fields_of
 
@@ -24,6 +25,7 @@ class Result:
         """Return the result as plain data, the content of its JSON file."""
         return fields_of(self)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the result as JSON, whole or not at all.
 
@@ -36,6 +38,7 @@ class Result:
         """Return the result's main figure as a ``plotly.graph_objects.Figure``."""
         return reporting().figure(self)
 
+    @checked
     def report(self, path: str | Path) -> None:
         """Write the result as one HTML page that needs no network.
 
@@ -44,6 +47,7 @@ class Result:
         """
         reporting().write_report(self, Path(path))
 
+    @checked
     def log(self, path: str | Path) -> None:
         """Write the result as a rerun log (``.rrd``), to be opened by ``mjfish view``.
 
@@ -52,6 +56,7 @@ class Result:
         """
         reporting().write_log(self, Path(path))
 
+    @checked
     def write_curves(self, folder: str | Path) -> tuple[Path, ...]:
         """Write the curves in the result as one CSV file each, named ``MECHANISM-QUANTITY-GROUP.csv``.
 

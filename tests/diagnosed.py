@@ -26,6 +26,7 @@ from mjfish.diagnosis.held_out import Confirmation, Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.setup import Setup
 from mjfish.diagnosis.table import Comparison, Row, Table
 from mjfish.diagnosis.where import Where
 from mjfish.drive.cpg import DriveSegment
@@ -88,13 +89,21 @@ def diagnosis(
     values = {name: estimate.estimate for name, estimate in of_cause.items()}
     runs = zip(names, (14.0, 20.0), strict=True)
     trials = [_trial(name, omega, cause, values, k) for k, (name, omega) in enumerate(runs)]
-    overlays = [Overlay(trial, held_out and k == 1, *both) for k, (trial, *both) in enumerate(trials)]
+    overlays = [
+        Overlay.of(Model(fish), trial, (before, after), held_out=held_out and k == 1)
+        for k, (trial, before, after) in enumerate(trials)
+    ]
     wrong = verdict != "nothing_wrong"
     if not wrong:
         overlays = [replace(overlay, extended=overlay.nominal) for overlay in overlays]
     nominal = {name: Estimate(v, 0.9 * v, 1.1 * v, "-", name == "c_f.head") for name, v in fish.values.items()}
+    dataset = Dataset("pool week 12", fish, tuple(overlay.trial for overlay in overlays), noise=SIGMA)
+    fitted = tuple(overlay.trial for overlay in overlays if not overlay.held_out)
+    problem = Problem(Model(fish), fitted, Noise.white(SIGMA))
+    models = (Model(fish), Model(fish).extended(find(cause)) if wrong else Model(fish))
     return Diagnosis(
-        dataset=Dataset("pool week 12", fish, tuple(overlay.trial for overlay in overlays), noise=SIGMA),
+        setup=Setup.of(dataset, problem, models, catalogue().values()),
+        dataset=dataset,
         verdict=verdict,
         message=f"Something to say about {verdict}.",
         status="ok",
@@ -126,13 +135,11 @@ def diagnosis(
         else replace(_GAIN, extended=_GAIN.nominal, relative_reduction=0.0),
         nominal=nominal,
         extended={**nominal, **of_cause} if wrong else nominal,
-        nominal_model=Model(fish),
-        extended_model=Model(fish).extended(find(cause)) if wrong else Model(fish),
+        nominal_model=models[0],
+        extended_model=models[1],
         posterior=_posterior(fish, {**nominal, **of_cause} if wrong else nominal, (cause,) if wrong else ()),
         overlays=tuple(overlays),
-        problem=Problem(
-            Model(fish), tuple(overlay.trial for overlay in overlays if not overlay.held_out), Noise.white(SIGMA)
-        ),
+        problem=problem,
         fits=_fits(fish.values, {cause: values, "time_offset": {"time_offset.offset": -0.0195}} if wrong else {}),
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},

@@ -116,7 +116,7 @@ def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> Non
     assert "run1" in (tmp_path / "pictures" / "inspection.html").read_text(encoding="utf-8")
     assert "servo_lag" in diagnosed
     found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
-    assert not complaints("diagnosis-4", found)
+    assert not complaints("diagnosis-5", found)
     lag = found["causes"][0]["parameters"]["time_constant"]
     assert lag["low"] < 0.05 < lag["high"]
     assert found["gain"]["relative_reduction"]["low"] > 0.2

@@ -87,13 +87,13 @@ def test_the_page_is_written_from_the_schemas() -> None:
 
 def test_the_python_of_the_page_runs(tmp_path: Path) -> None:
     (block,) = blocks(schema_page.PAGE, "python")
-    assert run_python(block, tmp_path) == "urn:mjfish:schema:diagnosis:4\n"
+    assert run_python(block, tmp_path) == "urn:mjfish:schema:diagnosis:5\n"
 
 
 @pytest.mark.parametrize("verdict", get_args(Verdict))
 @pytest.mark.parametrize("held_out", [True, False])
 def test_a_diagnosis_follows_its_schema(verdict: Verdict, held_out: bool) -> None:
-    assert not complaints("diagnosis-4", diagnosis(verdict, held_out=held_out).to_dict())
+    assert not complaints("diagnosis-5", diagnosis(verdict, held_out=held_out).to_dict())
 
 
 def test_a_diagnosis_with_curves_and_findings_follows_its_schema() -> None:
@@ -101,7 +101,7 @@ def test_a_diagnosis_with_curves_and_findings_follows_its_schema() -> None:
     stuck = Finding("stuck", "suspect", "slow, surge, 1.2 s", "12 equal", "noise", "record it again")
     told = {**found.to_dict(), "checks": Inspection((stuck,)).to_dict()}
     assert told["mechanisms"][0]["curves"]
-    assert not complaints("diagnosis-4", told)
+    assert not complaints("diagnosis-5", told)
 
 
 def test_a_diagnosis_without_a_key_or_with_another_one_is_refused() -> None:
@@ -110,9 +110,9 @@ def test_a_diagnosis_without_a_key_or_with_another_one_is_refused() -> None:
         ({key: value for key, value in told.items() if key != "verdict"}, "'verdict' is a required property"),
         ({**told, "verdikt": "named"}, "'verdikt' was unexpected"),
         ({**told, "verdict": "wrong"}, "'wrong' is not one of"),
-        ({**told, "schema": 1}, "4 was expected"),
+        ({**told, "schema": 1}, "5 was expected"),
     ):
-        (found,) = complaints("diagnosis-4", slip)
+        (found,) = complaints("diagnosis-5", slip)
         assert complaint in found
 
 

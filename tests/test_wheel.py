@@ -46,7 +46,7 @@ def test_the_demo_runs_from_a_wheel_that_is_read_only_and_without_a_home(tmp_pat
     assert told.stdout.startswith("named")
     assert told.stderr.count("compiled code cannot be kept") == 1
     assert {path.name for path in cwd.iterdir()} == {"out"}
-    assert not complaints("diagnosis-4", json.loads((cwd / "out" / "demo" / "diagnosis.json").read_text()))
+    assert not complaints("diagnosis-5", json.loads((cwd / "out" / "demo" / "diagnosis.json").read_text()))
     assert {path.name for path in (package / "schemas").iterdir()} == {
         path.name for path in (_ROOT / "mjfish" / "schemas").iterdir()
     }

@@ -20,7 +20,7 @@ from mjfish.data import load_dataset
 from mjfish.diagnosis import Diagnosis, Overlay, diagnose
 from mjfish.files import write_text
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.reporting.html.figures import counted
+from mjfish.reporting.html.figures import scored_predictions
 
 WIDTH, HEIGHT = 880, 470
 #: Left and right edge of both panels; top and bottom of each [px].
@@ -56,10 +56,7 @@ def picture(diagnosis: Diagnosis) -> str:
     """Return the picture of a diagnosis as SVG; of the held-out trial and stretch where the nominal model is worst."""
     channel = CHANNELS.index(diagnosis.where.channel) if diagnosis.where else 0
     overlays = [one for one in diagnosis.overlays if one.held_out] or list(diagnosis.overlays)
-    overlays = [
-        replace(one, nominal=counted(diagnosis, one, one.nominal), extended=counted(diagnosis, one, one.extended))
-        for one in overlays
-    ]
+    overlays = [replace(one, **scored_predictions(diagnosis, one)) for one in overlays]
     overlay = max(overlays, key=lambda one: float(np.nanmean((one.trial.velocity - one.nominal)[:, channel] ** 2)))
     part = _stretch(overlay, channel)
     time = overlay.trial.time[part]

@@ -26,7 +26,7 @@ are in the package, one file a version:
 import json
 from importlib.resources import files
 
-schema = json.loads((files("mjfish") / "schemas" / "diagnosis-4.json").read_text(encoding="utf-8"))
+schema = json.loads((files("mjfish") / "schemas" / "diagnosis-5.json").read_text(encoding="utf-8"))
 print(schema["$id"])
 ```
 

@@ -14,10 +14,11 @@ from rich.table import Table
 import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
-from mjfish.files import check_folder, make_folder
+from mjfish.errors import InputError
+from mjfish.files import make_folder
 
 if TYPE_CHECKING:
-    from mjfish.diagnosis import Diagnosis, Splits
+    from mjfish.diagnosis import Diagnosis, DiagnosisData, Splits
 
 #: The datasets that ship with the package; what is hidden in them is not said here.
 DEMO = Path(__file__).parents[1] / "demo"
@@ -30,7 +31,7 @@ Verbose = Annotated[bool, typer.Option("--verbose", help="Show candidates, table
 
 
 def diagnose(
-    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml.")],
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml; or a diagnosis.json, to show it again.")],
     effects: console.Own = None,
     json_: Annotated[
         Path | None, typer.Option("--json", help="Write diagnosis.json here; - for standard output.")
@@ -66,51 +67,65 @@ def diagnose(
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
     from mjfish.effects import catalogue
 
-    known = catalogue(effects)
     console.check_outputs(
         report, rrd, extended, json_, folders=(curves, out, resume), suffixes=[(extended, (".toml",))]
     )
+    means: dict[str, Any] = {"seed": seed, "jobs": jobs, "resume": resume, "limit": limit}
+    divided: Splits | None = None
     with console.stoppable() as written:
-        with (
-            console.progress_bar("reading the data", quiet=quiet) as tell,
-            console.workers(cluster, jobs) as executor,
-        ):
-            measured, divided = mjfish.load_dataset(dataset), None
-            means: Any = {
-                "seed": seed,
-                "jobs": jobs,
-                "executor": executor,
-                "resume": resume,
-                "limit": limit,
-                "progress": tell,
-            }
-            if splits is None:
-                result = mjfish.diagnose(measured, effects=known, **means)
-            else:
-                from mjfish.diagnosis import diagnose_splits
-
-                divided = diagnose_splits(measured, splits, effects=known, **means)
-                result = divided.diagnosis
+        if dataset.suffix == ".json":
+            asked = {"effects": effects, "rrd": rrd, "extended": extended, "splits": splits, "out": out}
+            _check_shown_again(dataset, **asked, cluster=cluster, **means)
+            result: DiagnosisData = mjfish.load_diagnosis(dataset)
+        else:
+            means["effects"] = catalogue(effects)
+            with (
+                console.progress_bar("reading the data", quiet=quiet) as tell,
+                console.workers(cluster, jobs) as executor,
+            ):
+                result, divided = _found(dataset, splits, {**means, "executor": executor, "progress": tell})
         if out is not None:
             make_folder(out)
             json_, report, rrd, extended = (
                 given or file for given, file in zip((json_, report, rrd, extended), _files(out, result), strict=True)
             )
-            curves = curves or out / "curves"
             if divided is not None:
                 divided.save(out / "splits.json")
                 written.append(out / "splits.json")
         on_stdout = _write(result, (json_, report, rrd, extended), written, divided)
-        if curves is not None and result.write_curves(curves):
-            written.append(curves)
+        if (folder := curves or (out and out / "curves")) is not None and result.write_curves(folder):
+            written.append(folder)
     if not quiet and not on_stdout:
         then = _of_extended(result, extended or (out / _EXTENDED if out is not None else None), written)
-        if curves is not None and out is None and curves not in written:
+        if curves is not None and curves not in written:
             then.append(("curves", f"No curve was written to {curves}: no mechanism is named whose form is a curve."))
-        show(result, str(dataset), written, then, verbose=verbose)
+        if rrd is not None:
+            then.append(("view", f"{console.program()} view {rrd}"))
+        if result.best and extended is not None:
+            swim = f"{console.program()} simulate --fish {extended} --out {extended.parent / 'swim'}"
+            then.append(("swim", swim))
+        show(result, "DATASET" if dataset.suffix == ".json" else str(dataset), written, then, verbose=verbose)
         if divided is not None:
             show_splits(divided)
-    _leave(result)
+    if result.verdict == "unexplained" or result.status != "ok":
+        raise typer.Exit(console.NOT_GOOD)
+
+
+def _check_shown_again(path: Path, **options: object) -> None:
+    """Refuse options that need a run where a saved diagnosis is shown again."""
+    if given := [f"--{name}" for name, value in options.items() if value]:
+        raise InputError(f"{path}: is a saved diagnosis, found with {', '.join(given)}; leave out what needs a run")
+
+
+def _found(folder: Path, splits: int | None, means: dict[str, Any]) -> tuple[Diagnosis, Splits | None]:
+    """Diagnose a dataset; where the runs are to be divided anew, that too."""
+    dataset = mjfish.load_dataset(folder)
+    if splits is None:
+        return mjfish.diagnose(dataset, **means), None
+    from mjfish.diagnosis import diagnose_splits
+
+    divided = diagnose_splits(dataset, splits, **means)
+    return divided.diagnosis, divided
 
 
 def demo(
@@ -128,20 +143,7 @@ def demo(
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
     out = out or Path("out/learned" if learned else "out/demo")
-    check_folder(out)
-    with console.stoppable() as written:
-        with console.progress_bar("reading the data") as tell:
-            result = mjfish.diagnose(mjfish.load_dataset(LEARNED if learned else DEMO), progress=tell)
-        make_folder(out)
-        _write(result, _files(out, result), written)
-        if result.write_curves(out / "curves"):
-            written.append(out / "curves")
-    program = console.program()
-    then = [*_of_extended(result, out / _EXTENDED, written), ("view", f"{program} view {out / 'fish.rrd'}")]
-    if result.best:
-        then.append(("swim", f"{program} simulate --fish {out / _EXTENDED} --out {out / 'swim'}"))
-    show(result, str(LEARNED if learned else DEMO), written, then, verbose=verbose)
-    _leave(result)
+    diagnose(LEARNED if learned else DEMO, out=out, verbose=verbose)
 
 
 def effects(effects: console.Own = None) -> None:
@@ -160,12 +162,12 @@ def effects(effects: console.Own = None) -> None:
         console.out.print(Padding(rows, (0, 0, 1, 2)))
 
 
-def _files(folder: Path, result: Diagnosis) -> tuple[Path | None, ...]:
+def _files(folder: Path, result: DiagnosisData) -> tuple[Path | None, ...]:
     """Return the files that a folder gets: the extended fish only where the model was extended."""
     return (*(folder / name for name in _FILES), folder / _EXTENDED if result.best else None)
 
 
-def _of_extended(result: Diagnosis, file: Path | None, written: Sequence[Path]) -> list[tuple[str, str]]:
+def _of_extended(result: DiagnosisData, file: Path | None, written: Sequence[Path]) -> list[tuple[str, str]]:
     """Say what the file of the extended fish has where no cause was named, or why it was not written."""
     if file is None or result.verdict == "named":
         return []
@@ -177,7 +179,9 @@ def _of_extended(result: Diagnosis, file: Path | None, written: Sequence[Path]) 
     return [("extended", f"No {file.name} was written: the model was not extended{earlier}.")]
 
 
-def _write(result: Diagnosis, files: Sequence[Path | None], written: list[Path], splits: Splits | None = None) -> bool:
+def _write(
+    result: DiagnosisData, files: Sequence[Path | None], written: list[Path], splits: Splits | None = None
+) -> bool:
     """Write the files that are wanted, in the order of `_files`, and add each to `written` once it is there.
 
     Returns:
@@ -193,20 +197,11 @@ def _write(result: Diagnosis, files: Sequence[Path | None], written: list[Path],
     return on_stdout
 
 
-def _extend(result: Diagnosis, path: Path) -> None:
+def _extend(result: Any, path: Path) -> None:
+    """Write the extended fish, with where its numbers come from, and whether its causes were named."""
     from mjfish.model.extended import write
 
-    write(path, result.fish.model, result.fish.values, _origin(result))
-
-
-def _origin(result: Diagnosis) -> list[str]:
-    """Return where the numbers of an extended fish come from, and whether its causes were named."""
-    lines = [f"Fitted by mjfish diagnose to {result.dataset.name}.", f"{result.verdict}: {result.message}"]
+    lines = [f"Fitted by mjfish diagnose to {result.setup.dataset}.", f"{result.verdict}: {result.message}"]
     if result.best and result.verdict != "named":
         lines.append(f"Not named: {', '.join(result.best)}. It is in this fish as what explains most.")
-    return lines
-
-
-def _leave(result: Diagnosis) -> None:
-    if result.verdict == "unexplained" or result.status != "ok":
-        raise typer.Exit(console.NOT_GOOD)
+    write(path, result.fish.model, result.fish.values, lines)

@@ -15,7 +15,7 @@ from mjfish.reporting.words import NONE, channel_name, estimate, interval, named
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from mjfish.diagnosis import Diagnosis, Estimate, Splits
+    from mjfish.diagnosis import DiagnosisData, Estimate, Splits
     from mjfish.diagnosis.table import Table as Evidence
 
 #: Lines of a diagnosis, where not everything is asked for.
@@ -48,7 +48,7 @@ class _Item(NamedTuple):
 
 
 def show(
-    result: Diagnosis,
+    result: DiagnosisData,
     dataset: str,
     written: Sequence[Path] = (),
     then: Sequence[tuple[str, str]] = (),
@@ -58,7 +58,7 @@ def show(
     """Print a diagnosis: verdict, mechanisms with sizes or curves, gain, remarks, what to do next, what was written.
 
     Args:
-        result: of `mjfish.diagnose`.
+        result: of `mjfish.diagnose` or `mjfish.load_diagnosis`.
         dataset: how the user calls its folder.
         written: files and folders.
         then: words and texts to stand below what was written.
@@ -101,10 +101,8 @@ def _fitting(items: Sequence[_Item], room: int) -> list[_Item]:
     return [item for item, lines in zip(items, taken, strict=True) if lines <= room]
 
 
-def _sizes(result: Diagnosis) -> Iterator[_Item]:
+def _sizes(result: DiagnosisData) -> Iterator[_Item]:
     """Yield the mechanisms with their curves, and the sizes of causes but for values of smooth curves."""
-    from mjfish.diagnosis.curves import knots_of
-
     for mechanism in result.mechanisms:
         yield _Item(_word("mechanism"), named_as(mechanism))
         yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
@@ -114,7 +112,7 @@ def _sizes(result: Diagnosis) -> Iterator[_Item]:
         seen = [f"{name} {number(row[k])} {unit(own)}".rstrip() for k, (name, row, own) in rows if row[k] < math.inf]
         room = 3 * console.width_beside(_word("seen from"))
         yield _Item(_word("seen from"), textwrap.shorten(", ".join(seen), room, placeholder=" ..."))
-    knots = knots_of(result.effects.values())
+    knots = result.setup.knots
     own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
     word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
     yield from (_size("size", *sized) for row in result.table.random for sized in row.sizes.items())
@@ -131,7 +129,7 @@ def _size(word: str, name: str, value: Estimate) -> _Item:
     return _Item(_word(word), f"{name} {sized} {known}{'' if word == 'size' else ', not named'}")
 
 
-def _gain_item(result: Diagnosis) -> list[_Item]:
+def _gain_item(result: DiagnosisData) -> list[_Item]:
     gain = result.gain
     if gain is None:
         return []
@@ -142,7 +140,7 @@ def _gain_item(result: Diagnosis) -> list[_Item]:
     return [_Item(_word("held out"), f"nRMSE {before} before, {after} after: {less}")]
 
 
-def _remarks(result: Diagnosis) -> Iterator[_Item]:
+def _remarks(result: DiagnosisData) -> Iterator[_Item]:
     """Yield findings and remarks, the worst first."""
     for finding in result.checks.findings:
         yield _Item(_word(finding.severity), f"{finding.code}: {finding.message}")
@@ -150,7 +148,7 @@ def _remarks(result: Diagnosis) -> Iterator[_Item]:
         yield _Item(_word("remark"), remark)
 
 
-def _next(result: Diagnosis, dataset: str) -> str:
+def _next(result: DiagnosisData, dataset: str) -> str:
     """Return what to do next, in one sentence."""
     program = console.program()
     if result.failures:
@@ -158,28 +156,28 @@ def _next(result: Diagnosis, dataset: str) -> str:
         return f"mend what failed, {part} first ({reason}), or leave it out, and diagnose again"
     if result.checks.blocks and result.verdict == "cannot_tell":
         return result.checks.blocks[0].remedy
-    if result.rivals and result.plannable:
+    if result.rivals and result.setup.plannable:
         return f"{program} plan {dataset} ranks runs by how far they set the rivals apart"
     if result.verdict == "named":
-        return f"confirm it: {result.effects[result.causes[0].name].confirm}"
-    if result.verdict == "nothing_wrong" and result.plannable:
+        return f"confirm it: {result.setup.causes[result.causes[0].name].confirm}"
+    if result.verdict == "nothing_wrong" and result.setup.plannable:
         return f"{program} plan {dataset} has runs that would show more"
     if result.where is not None:
         return _unexplained(result)
     return f"{program} inspect {dataset} says what these runs cannot show"
 
 
-def _unexplained(result: Diagnosis) -> str:
+def _unexplained(result: DiagnosisData) -> str:
     """Return what to do where no cause explains the misfit: mend the data, test what comes closest, look further."""
     suspect = dict.fromkeys(finding.code for finding in result.checks.findings if finding.severity == "suspect")
     steps = [f"mend {' and '.join(suspect)} first, it may be the cause"] if suspect else []
     if closest := result.closest:
-        steps.append(f"{closest} comes closest: to test it, {result.effects[closest].confirm}")
+        steps.append(f"{closest} comes closest: to test it, {result.setup.causes[closest].confirm}")
     steps.append(f"the misfit is densest in {_densest(result)}; for a cause of your own: --effects FILE")
     return "; ".join(steps)
 
 
-def _densest(result: Diagnosis) -> str:
+def _densest(result: DiagnosisData) -> str:
     """Return the channel and the trial that hold most of the misfit."""
     where = result.where
     assert where is not None  # noqa: S101 - checked by the callers
@@ -187,7 +185,7 @@ def _densest(result: Diagnosis) -> str:
     return f"{channel_name(where.channel)} ({share} of it), trial {where.trial}"
 
 
-def _rest(result: Diagnosis) -> None:
+def _rest(result: DiagnosisData) -> None:
     """Print what fifteen lines have no room for: tables, where the misfit is, what is unseen."""
     if result.gain is not None:
         console.show(_gain(result))
@@ -226,7 +224,7 @@ def show_splits(result: Splits) -> None:
     console.say(result.headline())
 
 
-def _gain(result: Diagnosis) -> Table:
+def _gain(result: DiagnosisData) -> Table:
     gain = result.gain
     assert gain is not None  # noqa: S101 - checked by the caller
     title = "Held-out trials: nRMSE before and after"
@@ -271,15 +269,15 @@ def _evidence(evidence: Evidence) -> Table:
     return table
 
 
-def _experiments(result: Diagnosis) -> None:
+def _experiments(result: DiagnosisData) -> None:
     names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
-    if result.rivals and result.plannable:
+    if result.rivals and result.setup.plannable:
         apart = " from ".join(names)
         console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
-    console.say(*(f"To confirm {name}: {result.effects[name].confirm}." for name in names))
+    console.say(*(f"To confirm {name}: {result.setup.causes[name].confirm}." for name in names))
 
 
-def _biased(result: Diagnosis) -> None:
+def _biased(result: DiagnosisData) -> None:
     """List the coefficients that the missing cause had biased by more than their standard error."""
     from mjfish.estimation.fit import Z95
 
@@ -295,7 +293,7 @@ def _biased(result: Diagnosis) -> None:
         console.say(f"Coefficients that had absorbed part of it, without and with the cause: {', '.join(moved)}.")
 
 
-def _where(result: Diagnosis) -> None:
+def _where(result: DiagnosisData) -> None:
     """Say where the misfit sits, and what describes it where nothing explains it."""
     if (where := result.where) is not None:
         console.say(
@@ -313,7 +311,7 @@ def _where(result: Diagnosis) -> None:
         console.say(f"A description, not a cause, of {percent(described.explained, 2)} of the misfit: {terms}.")
 
 
-def _undetectable(result: Diagnosis) -> None:
+def _undetectable(result: DiagnosisData) -> None:
     """List the causes that these data cannot show, and the minimum detectable effects of the others."""
     hidden = result.undetectable
     alike = {reason: ", ".join(name for name in hidden if hidden[name] == reason) for reason in hidden.values()}

@@ -41,7 +41,7 @@ def plan(
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
 ) -> None:
     """Rank runs and calibrations by how well they would tell rival causes apart, per second of recording."""
-    from mjfish.design import Menu, load_diagnosis, write_next_run
+    from mjfish.design import Menu, load_fitted_models, write_next_run
 
     slow, fast = console.numbers(omega, 2, "--omega") if omega is not None else (0.0, 0.0)
     menu = Menu(duration, (slow, fast) if omega is not None else None, pause)
@@ -51,7 +51,7 @@ def plan(
     if generate_ is not None:
         check_new_folder(generate_)
     measured = mjfish.load_dataset(dataset)
-    source = measured if diagnosis is None else load_diagnosis(diagnosis, measured, effects=effects)
+    source = measured if diagnosis is None else load_fitted_models(diagnosis, measured, effects=effects)
     asked = {"rivals": console.names(rivals or ""), "causes": console.names(causes or "")}
     with console.progress_bar() as tell:
         found = mjfish.plan(source, **asked, effects=effects, menu=menu, jobs=jobs, progress=tell)

@@ -18,6 +18,7 @@ from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import columns
 from mjfish.data.cells import check_increasing
 from mjfish.errors import InputError
+from mjfish.serialise import unsaved
 
 Kind = Literal["position", "heading", "imu", "gyro"]
 #: What each kind measures, as the columns of its file have it.
@@ -66,13 +67,13 @@ class Sensor:
     kind: Kind
     time: FloatArray
     values: FloatArray
-    link: int = 0
-    station: float = 0.0
-    placed: bool = True
-    sigma: FloatArray | None = None
-    free_clock: bool = False
-    source: Path | None = None
-    remarks: tuple[str, ...] = ()
+    link: int = unsaved(default=0)
+    station: float = unsaved(default=0.0)
+    placed: bool = unsaved(default=True)
+    sigma: FloatArray | None = unsaved(default=None)
+    free_clock: bool = unsaved(default=False)
+    source: Path | None = unsaved(default=None)
+    remarks: tuple[str, ...] = unsaved(default=())
 
     def __post_init__(self) -> None:
         """Make the arrays read-only; refuse shapes that do not fit."""

@@ -23,6 +23,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.known import Beforehand
 from mjfish.result import reporting
+from mjfish.serialise import unsaved
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -106,19 +107,19 @@ class Trial:
     time: FloatArray
     velocity: FloatArray
     drive: tuple[DriveSegment, ...] = ()
-    joint_angle: FloatArray | None = None
-    pose: FloatArray | None = None
-    roll: FloatArray | None = None
-    source: Path | None = None
-    gaps: bool = False
-    wave: Wave | None = None
-    tank: Tank | None = None
-    errors: FloatArray | None = None
-    commanded: bool = False
-    hold: Hold = "linear"
-    from_rest: bool = False
-    sensors: tuple[Sensor, ...] = ()
-    walk: tuple[float, ...] = ()
+    joint_angle: FloatArray | None = unsaved(default=None)
+    pose: FloatArray | None = unsaved(default=None)
+    roll: FloatArray | None = unsaved(default=None)
+    source: Path | None = unsaved(default=None)
+    gaps: bool = unsaved(default=False)
+    wave: Wave | None = unsaved(default=None)
+    tank: Tank | None = unsaved(default=None)
+    errors: FloatArray | None = unsaved(default=None)
+    commanded: bool = unsaved(default=False)
+    hold: Hold = unsaved(default="linear")
+    from_rest: bool = unsaved(default=False)
+    sensors: tuple[Sensor, ...] = unsaved(default=())
+    walk: tuple[float, ...] = unsaved(default=())
 
     def __repr__(self) -> str:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
@@ -282,10 +283,15 @@ class Dataset:
 
         Where any trial has a role, those without one are fitted. Where none has, every third trial is held out,
         beginning with the second: spread over the list, at least one of two, and never the first.
+
+        Raises:
+            InputError: there is none to fit.
         """
         if any(trial.role is not None for trial in self.trials):
             held = [trial.role == "held_out" for trial in self.trials]
         else:
             held = [index % 3 == 1 for index in range(len(self.trials))]
+        if all(held):
+            raise InputError(f"{self.name}: no trial to fit, expected one or more; add one, or hold out fewer")
         pairs = list(zip(self.trials, held, strict=True))
         return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)

@@ -1,6 +1,6 @@
 """The next experiment: which run or calibration would tell rival causes apart, and how surely."""
 
-from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question, load_diagnosis
+from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question, load_fitted_models
 from mjfish.design.information import Separation, excluded, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.design.next_run import write_next_run
@@ -17,7 +17,7 @@ __all__ = [
     "Run",
     "Separation",
     "excluded",
-    "load_diagnosis",
+    "load_fitted_models",
     "plan",
     "separations",
     "write_next_run",

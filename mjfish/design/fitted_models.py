@@ -6,22 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import TypeAdapter
 
-from mjfish import bounded
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
-from mjfish.diagnosis import Diagnosis, FittedModel
+from mjfish.diagnosis import Diagnosis, DiagnosisData, FittedModel, load_diagnosis
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
-from mjfish.diagnosis.result import SCHEMA
 from mjfish.effects import Causes, Effect, catalogue
-from mjfish.errors import InputError, MjfishError
+from mjfish.errors import InputError
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.noise_of_fit import restore
@@ -81,11 +78,7 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
-        alone = [row for row in diagnosis.table.rows if len(row.names) == 1]
-        ranked = [row.names[0] for row in sorted(alone, key=lambda row: -row.gain)]
-        named = [cause.name for cause in diagnosis.causes]
-        question = _open_question(diagnosis.verdict, diagnosis.rivals, named, ranked)
-        fits = {model.causes: model for model in diagnosis.fits}
+        question, fits = _open_question(diagnosis), _by_causes(diagnosis)
         return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, question, fits)
 
     @property
@@ -145,7 +138,7 @@ class FittedModels:
         return fit(problem, start, tolerance=_TOLERANCE)
 
 
-def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Causes = None) -> FittedModels:
+def load_fitted_models(path: str | Path, dataset: Dataset, *, effects: Causes = None) -> FittedModels:
     """Read what a ``diagnosis.json`` says of the models that were fitted, to plan from.
 
     Args:
@@ -154,39 +147,28 @@ def load_diagnosis(path: str | Path, dataset: Dataset, *, effects: Causes = None
         effects: causes by name, or Python files with causes of your own; None: the shipped ones.
 
     Raises:
-        InputError: the file cannot be read, is no diagnosis, is of another schema, or is one of another dataset.
+        InputError: as of `mjfish.load_diagnosis`, or the file is the diagnosis of another dataset.
     """
-    remedy = f"write it by 'mjfish diagnose DATASET --json {path}'"
-    raw = bounded.read_json(Path(path), remedy)
-    try:
-        if raw["schema"] != SCHEMA:
-            raise InputError(f"{path}: has the schema {raw['schema']}, expected {SCHEMA}; {remedy} of this version")
-        if raw["dataset"] != dataset.name:
-            raise InputError(
-                f"{path}: is the diagnosis of '{raw['dataset']}', expected that of '{dataset.name}'; give the one that "
-                "belongs"
-            )
-        return _restored(raw, dataset, catalogue(effects))
-    except MjfishError:
-        raise
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, StopIteration) as error:
-        raise InputError(f"{path}: is no diagnosis: {error} is missing or wrong; {remedy}") from None
-
-
-def _restored(raw: Mapping[str, Any], dataset: Dataset, effects: Mapping[str, Effect]) -> FittedModels:
-    alone = [row for row in raw["table"]["rows"] if len(row["names"]) == 1]
-    ranked = [row["names"][0] for row in sorted(alone, key=lambda row: -row["gain"])]
-    named = list(raw["alternatives"][0]) if raw["causes"] else []  # a learned form goes by its mechanism there
-    question = _open_question(raw["verdict"], raw["rivals"], named, ranked)
-    models = TypeAdapter(list[FittedModel]).validate_python(raw["fits"])
-    known = FittedModels.undiagnosed(dataset, effects)
+    found = load_diagnosis(path)
+    if found.setup.dataset != dataset.name:
+        raise InputError(
+            f"{path}: is the diagnosis of '{found.setup.dataset}', expected that of '{dataset.name}'; give the one that"
+            " belongs"
+        )
+    known = FittedModels.undiagnosed(dataset, catalogue(effects))
     fitted, _ = known.dataset.split()
-    compared = raw["problem"]
-    smoothing = restored_filter(compared["smoothing"])
-    problem = replace(known.problem, trials=fitted, slope_step=compared["slope_step"], smoothing=smoothing)
-    values = next(model.values for model in models if not model.causes)
-    problem = replace(problem, noise=restore(compared["noise"], problem, values))
-    return replace(known, problem=problem, question=question, fits={model.causes: model for model in models})
+    compared = found.content["problem"]
+    try:
+        smoothing = restored_filter(compared["smoothing"])
+        problem = replace(known.problem, trials=fitted, slope_step=compared["slope_step"], smoothing=smoothing)
+        problem = replace(problem, noise=restore(compared["noise"], problem, found.fits[0].values))
+        return replace(known, problem=problem, question=_open_question(found), fits=_by_causes(found))
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise InputError(f"{path}: is of other runs than those of '{dataset.name}': {error}; diagnose them") from None
+
+
+def _by_causes(diagnosis: DiagnosisData) -> dict[tuple[str, ...], FittedModel]:
+    return {model.causes: model for model in diagnosis.fits}
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,20 +203,21 @@ class ModelEstimate:
         return self.of_fit(self.name, problem, fit(problem, self.x, tolerance=_TOLERANCE))
 
 
-def _open_question(
-    verdict: str, groups: Sequence[Sequence[str]], named: Sequence[str], ranked: Sequence[str]
-) -> Question:
+def _open_question(diagnosis: DiagnosisData) -> Question:
     """Return what a diagnosis leaves open.
 
     The rivals, where it cannot tell; what was named, or came closest, against the runner-up; where nothing is wrong, or
     only one cause was fitted, which causes more data would show.
     """
-    if verdict == "nothing_wrong" or len(ranked) < 2:
+    alone = [row for row in diagnosis.table.rows if len(row.names) == 1]
+    ranked = [row.names[0] for row in sorted(alone, key=lambda row: -row.gain)]
+    named = [cause.name for cause in diagnosis.causes]
+    if diagnosis.verdict == "nothing_wrong" or len(ranked) < 2:
         return Question("see", (), "Nothing wrong was found: the plan makes smaller effects visible.")
-    group = tuple(next(iter(groups), ()))
-    if verdict == "cannot_tell" and len(group) > 1:
+    group = next(iter(diagnosis.rivals), ())
+    if diagnosis.verdict == "cannot_tell" and len(group) > 1:
         return Question("separate", group, f"The data cannot tell {' or '.join(group)} apart.")
     first = named[0] if named else ranked[0]
     second = next(name for name in ranked if name != first)
     what = f"{first} was named" if named else f"no cause explains the data; {first} comes closest"
-    return Question("separate", (first, second), f"Verdict {verdict}: {what}, {second} is the runner-up.")
+    return Question("separate", (first, second), f"Verdict {diagnosis.verdict}: {what}, {second} is the runner-up.")

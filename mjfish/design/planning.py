@@ -187,9 +187,9 @@ def plan(
     step. A rival is fitted here where the diagnosis did not fit it, or did not follow its refit to the optimum.
 
     Args:
-        diagnosis: of `mjfish.diagnose`, or of its JSON by `mjfish.design.load_diagnosis`. A dataset is diagnosed first,
-            or, where `rivals` or `causes` are given, only the models asked for are fitted, under white noise as the
-            dataset states it, else as the best model leaves it.
+        diagnosis: of `mjfish.diagnose`, or of its JSON by `mjfish.design.load_fitted_models`. A dataset is diagnosed
+            first, or, where `rivals` or `causes` are given, only the models asked for are fitted, under white noise as
+            the dataset states it, else as the best model leaves it.
         rivals: names of causes to tell apart, two or more; empty: what the diagnosis leaves open.
         causes: names of causes to make visible. With a diagnosis they are asked for where nothing is wrong.
         effects: causes by name, or Python files with causes of your own; None: those of
@@ -214,7 +214,9 @@ def plan(
     """
     if rivals and causes:
         raise InputError("rivals: found with causes, expected one of them; drop the other")
-    check_velocities(diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset, "a plan")
+    dataset = diagnosis if isinstance(diagnosis, Dataset) else diagnosis.dataset
+    dataset.split()  # refuses one without trials
+    check_velocities(dataset, "a plan")
     with executing(jobs):
         if isinstance(diagnosis, Dataset) and not rivals and not causes:
             diagnosis = diagnose(diagnosis, effects=effects, progress=part(progress, 0.0, 0.5))

@@ -1,7 +1,8 @@
 """Diagnosis: is anything wrong, where, which cause, and what naming it gains."""
 
 from mjfish.diagnosis.diagnosis import diagnose
-from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, DiagnosisData, FittedModel, Overlay, SensorOverlay
+from mjfish.diagnosis.saved import SavedDiagnosis, load_diagnosis
 from mjfish.diagnosis.splits import Share, Split, SplitMechanism, Splits, diagnose_splits
 from mjfish.diagnosis.table import Estimate, Row, Table
 
@@ -9,10 +10,12 @@ __all__ = [
     "Candidate",
     "Cause",
     "Diagnosis",
+    "DiagnosisData",
     "Estimate",
     "FittedModel",
     "Overlay",
     "Row",
+    "SavedDiagnosis",
     "SensorOverlay",
     "Share",
     "Split",
@@ -21,4 +24,5 @@ __all__ = [
     "Table",
     "diagnose",
     "diagnose_splits",
+    "load_diagnosis",
 ]

@@ -20,6 +20,7 @@ from mjfish.diagnosis.compared import Compared, odd_run
 from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
+from mjfish.diagnosis.failures import folded
 from mjfish.diagnosis.held_out import HeldOut, gain
 from mjfish.diagnosis.isolability import Isolability, isolability
 from mjfish.diagnosis.missing_force import MissingForce, missing_force, with_velocities
@@ -27,6 +28,7 @@ from mjfish.diagnosis.provenance import provenance
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.result import Candidate, Cause, Diagnosis, FittedModel, Overlay, SensorOverlay
 from mjfish.diagnosis.screening import Screening
+from mjfish.diagnosis.setup import Setup
 from mjfish.diagnosis.table import Estimate, Row, estimates
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import Decision, withheld
@@ -40,6 +42,7 @@ from mjfish.estimation.sensor_noise import joints_in_words
 from mjfish.estimation.stability import scatter
 from mjfish.inspection import Inspection
 from mjfish.inspection.after_fit import contradicted
+from mjfish.model import Model
 from mjfish.model.posterior import Posterior
 
 
@@ -66,7 +69,12 @@ def assemble(
     drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
     decision = withheld(concluded.decision, parts.failures)
     named = decision.verdict == "named"
+    effects, models = (
+        {effect.name: effect for effect in begun.candidates},
+        (evidence.problem.model, shown.problem.model),
+    )
     return Diagnosis(
+        setup=Setup.of(dataset, evidence.problem, models, effects.values()),
         dataset=dataset,
         verdict=decision.verdict,
         message=decision.message + _in_domain(concluded),
@@ -100,8 +108,8 @@ def assemble(
         posterior=drawn,
         overlays=tuple(_overlays(evidence, best, held_out)),
         problem=evidence.problem,
-        fits=_fits(evidence, compared),
-        effects={effect.name: effect for effect in begun.candidates},
+        fits=tuple(_fits(evidence, compared)),
+        effects=effects,
         provenance=provenance(dataset, begun.candidates, begun.seed),
         **views,
     )
@@ -145,7 +153,9 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
     decision = withheld(Decision("cannot_tell", (), "Nothing was compared."), failures)
     declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
     held = dataset.split()[1]
+    effects = {effect.name: effect for effect in begun.candidates}
     return Diagnosis(
+        setup=Setup.of(dataset, problem, (), effects.values()),
         dataset=dataset,
         verdict=decision.verdict,
         message=decision.message,
@@ -157,17 +167,17 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
         extended=declared,
         nominal_model=problem.model,
         extended_model=problem.model,
-        overlays=tuple(_unpredicted(trial, held_out=trial in held) for trial in dataset.trials),
+        overlays=tuple(_unpredicted(problem.model, trial, held_out=trial in held) for trial in dataset.trials),
         problem=problem,
         fits=(FittedModel((), problem.named(problem.start()), (), math.nan, problem.model.step, converged=False),),
-        effects={effect.name: effect for effect in begun.candidates},
+        effects=effects,
         provenance=provenance(dataset, begun.candidates, begun.seed),
     )
 
 
 def failed_remarks(failures: Mapping[str, str]) -> Iterator[str]:
     """Yield what failed, in words."""
-    yield from (f"failed: {part}: {reason}" for part, reason in failures.items())
+    yield from (f"failed: {parts}: {reason}" for parts, reason in folded(failures))
 
 
 def remarks(noise: str, nominal: Fit, converged: Mapping[str, str], held: Sequence[Trial]) -> Iterator[str]:
@@ -205,28 +215,29 @@ def _in_domain(concluded: Conclusion) -> str:
 
 def _overlays(evidence: Evidence, best: Refit | None, held_out: HeldOut) -> Iterator[Overlay]:
     """Yield every trial as the nominal model and a refit predict it, None: the nominal model again."""
-    models = [(one.problem, one.fit.x) for one in (evidence, best or evidence)]
+    models, nominal = [(one.problem, one.fit.x) for one in (evidence, best or evidence)], evidence.problem.model
     predictions = zip(*(problem.predictions(x) for problem, x in models), strict=True)
-    for index, (trial, (nominal, extended)) in enumerate(zip(evidence.problem.trials, predictions, strict=True)):
+    for index, (trial, predicted) in enumerate(zip(evidence.problem.trials, predictions, strict=True)):
         read = [of_sensors(problem, x, index) for problem, x in models]
-        yield Overlay(for_looking(trial), False, nominal, extended, _paired(*read))
+        yield Overlay.of(nominal, for_looking(trial), predicted, _paired(*read), held_out=False)
     if held_out.trials:
         scores = [held_out.score(model) for model in (None, best)]
         predictions = zip(*(score.predictions for score in scores), strict=True)
         sensors = zip(*(score.sensors for score in scores), strict=True)
-        for trial, (nominal, extended), own in zip(held_out.trials, predictions, sensors, strict=True):
-            yield Overlay(for_looking(trial), True, nominal, extended, _paired(*own))
+        for trial, predicted, own in zip(held_out.trials, predictions, sensors, strict=True):
+            yield Overlay.of(nominal, for_looking(trial), predicted, _paired(*own), held_out=True)
 
 
-def _unpredicted(trial: Trial, *, held_out: bool) -> Overlay:
+def _unpredicted(model: Model, trial: Trial, *, held_out: bool) -> Overlay:
     """Return a trial that no model predicts: predictions end where they begin."""
     velocity: FloatArray = np.full((len(trial.time), 3), np.nan)
     velocity[0] = trial.velocity[0]
-    return Overlay(trial, held_out, velocity, velocity)
+    return Overlay.of(model, trial, (velocity, velocity), held_out=held_out)
 
 
 def _paired(nominal: Sequence[SensorResidual], extended: Sequence[SensorResidual]) -> tuple[SensorOverlay, ...]:
-    return tuple(SensorOverlay(a.sensor, a.predicted, b.predicted) for a, b in zip(nominal, extended, strict=True))
+    pairs = zip(nominal, extended, strict=True)
+    return tuple(SensorOverlay(a.sensor, np.round(a.predicted, 7), np.round(b.predicted, 7)) for a, b in pairs)
 
 
 def _posterior(problem: Problem, found: Fit) -> Posterior | None:

@@ -7,7 +7,7 @@ linearised fit, y +- 1.96 sqrt(g' C g) with the gradient g of y by the parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -20,7 +20,6 @@ from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.drive.motion import JointMotion
-from mjfish.effects import Effect
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation.fit import Z95, Fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
@@ -123,12 +122,6 @@ class MeasuredCurve:
             y, low, high = self.at(x)
             ends.append(f"{y:.3g} ({low:.3g} to {high:.3g}){unit} at {x:.2g} {self.x.unit}")
         return f"{name}: {', '.join(ends)}"
-
-
-def knots_of(effects: Iterable[Effect]) -> frozenset[str]:
-    """Return the full names of the numbers that are values of a smooth curve: a person reads the curve instead."""
-    priors = (prior for effect in effects for prior in effect.priors() if prior.learned)
-    return frozenset(name for prior in priors for name in prior.parameters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -448,7 +448,9 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
     candidate whose derivatives are not finite at the declared coefficients either fails, and so does one that raises.
     """
 
-    def slopes(wide: Problem, x: FloatArray, names: Sequence[str], scales: FloatArray) -> tuple[Slopes, frozenset[str]]:
+    def slopes(
+        wide: Problem, x: FloatArray, names: Sequence[str], scales: FloatArray
+    ) -> tuple[Slopes, Mapping[str, str]]:
         found = wide.slopes(x, only=names)
         for block in (*found.velocity, *found.sensors):
             block *= scales
@@ -456,8 +458,11 @@ def signatures(problem: Problem, values: Mapping[str, float], candidates: Sequen
 
     found, lost = _derived(slopes, problem, values, _unfailing(candidates))
     if lost and not problem.divergence(problem.start(values)):
-        for name in _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in lost])[1]:
-            note(Failure(name, "the derivative of the prediction by its sizes is not finite"))
+        again, names = _derived(slopes, problem, {}, [effect for effect in candidates if effect.name in lost])
+        for name in names:
+            place = next(place for full, place in again.lost.items() if full.partition(".")[0] == name)
+            reason = f"the derivative by its sizes is not finite: {place}; see what it makes of the run there"
+            note(Failure(name, reason))
     return found
 
 
@@ -477,7 +482,7 @@ def signature_rows(
 
 
 def _derived(
-    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, frozenset[str]]],
+    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, Mapping[str, str]]],
     problem: Problem,
     values: Mapping[str, float],
     candidates: Sequence[Effect],
@@ -521,7 +526,7 @@ def _idle(effect: Effect) -> Effect:
 
 
 def _derived_together(
-    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, frozenset[str]]],
+    derive: Callable[[Problem, FloatArray, Sequence[str], FloatArray], tuple[T, Mapping[str, str]]],
     problem: Problem,
     values: Mapping[str, float],
     candidates: Sequence[Effect],

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -25,6 +25,8 @@ T = TypeVar("T")
 
 #: The part of a diagnosis without which there is no other.
 NOMINAL = "the fit of the nominal model"
+#: Parts, or reasons, that a line lists where there are more.
+LISTED = 3
 
 
 class PartFailedError(Exception):
@@ -140,11 +142,23 @@ def sound(part: str, found: Fit) -> Fit:
     return found
 
 
-def finite(part: str, *numbers: float) -> None:
+def finite(part: str, **numbers: float) -> None:
     """Refuse numbers that a verdict rests on where one is none: a comparison with it would be false, and say nothing.
 
     Raises:
-        PartFailedError: one is not a number.
+        PartFailedError: one is not a number; the first is named.
     """
-    if any(math.isnan(number) for number in numbers):
-        raise PartFailedError(part, "a statistic is no number")
+    for name, number in numbers.items():
+        if math.isnan(number):
+            raise PartFailedError(part, f"its statistic '{name}' is no number")
+
+
+def folded(failures: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return what failed and why, parts that failed for the same reason together, with their count."""
+    alike: dict[str, list[str]] = {}
+    for part, reason in failures.items():
+        alike.setdefault(reason, []).append(part)
+    return [
+        (", ".join(parts[:LISTED]) + (f" and others ({len(parts)} in all)" if len(parts) > LISTED else ""), reason)
+        for reason, parts in alike.items()
+    ]

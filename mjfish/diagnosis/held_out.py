@@ -130,7 +130,7 @@ class HeldOut:
         before, after = (pooled_error(score.channels) for score in scores)
         (without, speed), (error, _) = (_mean_speed(score.channels) for score in scores)
         found = confirmation(*scores, (self.covariance_root(against), self.covariance_root(refit)))
-        finite("the held-out trials", found.gained, found.probability, before, after)
+        finite("the held-out trials", gained=found.gained, probability=found.probability, before=before, after=after)
         left = float(np.mean(np.concatenate(scores[1].whitened) ** 2))
         ratio = error / max(without, _EXACT_SPEED * speed, 1e-300)
         return replace(found, error_ratio=after / before, mean_square=left, speed_ratio=ratio)

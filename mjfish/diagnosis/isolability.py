@@ -65,7 +65,9 @@ class Isolability:
     @property
     def ratios(self) -> FloatArray:
         """How many times larger a mechanism must be because of another one (k, k); infinite where it is not told."""
-        sizes = np.reshape(self.sizes, (len(self.mechanisms),) * 2)
+        sizes: FloatArray = np.nan_to_num(
+            np.reshape(self.sizes, (len(self.mechanisms),) * 2), nan=np.inf, posinf=np.inf
+        )
         seen = np.isfinite(np.diag(sizes))
         ratios = np.full_like(sizes, np.inf)
         ratios[seen] = sizes[seen] / np.diag(sizes)[seen, None]

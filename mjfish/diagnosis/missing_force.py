@@ -24,6 +24,7 @@ from mjfish.hydro.outline import outlines
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.selection import by_step
+from mjfish.serialise import fields_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +50,10 @@ class MissingForce:
         """Root mean square of the missing force over that of the driving one (3,): how much it matters."""
         return np.asarray(np.sqrt(np.mean(self.force**2, axis=0)) / np.maximum(self.driving, 1e-300))
 
-    def summary(self) -> dict[str, Any]:
-        """Return root mean squares of the force and of its band, along, across [N] and moment [N m], and its share."""
-        force, band = (np.sqrt(np.mean(series**2, axis=0)).tolist() for series in (self.force, self.band))
-        share = self.share.tolist()
-        return {"trial": self.trial, "rms": force, "band": band, "units": ["N", "N", "N m"], "share": share}
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as ``diagnosis.json`` has it: with root mean squares of force and band, and the share."""
+        rms, band_rms = (np.sqrt(np.mean(series**2, axis=0)) for series in (self.force, self.band))
+        return {**fields_of(self), "units": ["N", "N", "N m"], "rms": rms, "band_rms": band_rms, "share": self.share}
 
 
 def missing_force(problem: Problem, values: Mapping[str, float]) -> tuple[MissingForce, ...]:
@@ -109,9 +109,9 @@ def _of_trial(
     swum = problem.prediction(trial, values).rollout.rate_at(trial.time[mask])[:, :3] @ inertia.T
     return MissingForce(
         trial=trial.name,
-        time=readonly(trial.time[0] + step * np.arange(len(seen))),
-        force=readonly(mean @ inertia.T),
-        band=readonly(band),
+        time=readonly(np.round(trial.time[0] + step * np.arange(len(seen)), 9)),
+        force=readonly(np.round(mean @ inertia.T, 9)),
+        band=readonly(np.round(band, 9)),
         driving=readonly(np.sqrt(np.mean(swum**2, axis=0))),
     )
 

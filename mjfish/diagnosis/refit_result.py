@@ -193,7 +193,9 @@ def _attempted(make: Callable[..., Refit], named: tuple[Sequence[str], tuple[Any
     names, task = named
     refit = attempted(names, lambda: make(*task))
     if isinstance(refit, Refit) and refit.fit.lost:
-        return Failure(joined(names), f"its refit {refit.fit.status}: {refit.fit.message}")
+        return Failure(
+            joined(names), f"its refit {refit.fit.status}: {refit.fit.message}; narrow its bounds, or leave it out"
+        )
     return refit
 
 

@@ -1,4 +1,4 @@
-"""The result of a diagnosis, and its form as JSON."""
+"""The result of a diagnosis: what its text, figures and page are made of, and what it computed with."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from mjfish.arrays import FloatArray
+import numpy as np
+
+from mjfish import hashed
+from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Dataset, Sensor, Trial
-from mjfish.diagnosis.curves import knots_of
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
+from mjfish.diagnosis.setup import Setup
 from mjfish.diagnosis.table import Estimate, Row, Table, estimates
 from mjfish.diagnosis.where import Where
 from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
-from mjfish.estimation import Fit, Problem
+from mjfish.estimation import Fit, Noise, Problem
+from mjfish.estimation.omnibus import beat_phase
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
@@ -29,7 +33,7 @@ from mjfish.serialise import plain, unsaved
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.
-SCHEMA = 4
+SCHEMA = 5
 _NEXT = {
     "named": "confirm the cause on the bench, and simulate with the extended model.",
     "nothing_wrong": "read from which sizes on causes would have been seen (`isolability`, `undetectable`).",
@@ -133,24 +137,47 @@ class Overlay:
     Attributes:
         trial: the measured trial; where places were measured, with the velocities of the smoothed path.
         held_out: whether it was kept out of the fits.
-        nominal: (n, 3) prediction of the nominal model.
+        nominal: (n, 3) prediction of the nominal model, to seven decimals.
         extended: (n, 3) prediction of the extended model (the best candidate's, even where it was not named).
-        sensors: the same of every sensor of the trial.
+        counted: (n,) whether fits and scores look at a sample (see `mjfish.estimation.Problem.mask`): not beside a step
+            of the drive, nor, where joint angles were measured, near both ends of the trial.
+        phase: (n,) of the beat of the last joint [rad].
+        sensors: what every sensor of the trial measured, and is predicted to read.
     """
 
     trial: Trial
     held_out: bool
     nominal: FloatArray
     extended: FloatArray
+    counted: BoolArray
+    phase: FloatArray
     sensors: tuple[SensorOverlay, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        trial: Trial,
+        predicted: tuple[FloatArray, FloatArray],
+        sensors: tuple[SensorOverlay, ...] = (),
+        *,
+        held_out: bool,
+    ) -> Overlay:
+        """Return a trial with what the nominal model and the extended one predict (n, 3)."""
+        counted = Problem(model, (trial,), Noise.white(np.ones(3))).mask(0)
+        nominal, extended = (np.round(velocity, 7) for velocity in predicted)
+        phase = np.round(beat_phase(model.fish.cpg, trial), 6)
+        return cls(trial, held_out, nominal, extended, counted, phase, sensors)
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Result):
-    """What is wrong with the simulation of a dataset, why, and what knowing it gains.
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DiagnosisData(Result):
+    """What a diagnosis says, as plain data: its text, its tables, its figures and its page are made of this alone.
+
+    `Diagnosis` has it as it was computed, `SavedDiagnosis` as a file has it.
 
     Attributes:
-        dataset: that was diagnosed.
+        setup: what was compared with what.
         verdict: ``named``, ``nothing_wrong``, ``cannot_tell`` or ``unexplained``.
         message: the verdict in one sentence.
         status: ``ok``, or what went wrong on the way (``fit_not_converged``, or ``failed``: see `failures`).
@@ -160,11 +187,8 @@ class Diagnosis(Result):
             neither ``named`` nor ``nothing_wrong``.
         nominal: coefficients of the nominal model by name.
         extended: coefficients and effect parameters of the extended model by full name.
-        nominal_model, extended_model: ready to predict.
         overlays: every trial, measured and predicted.
-        problem: of the nominal model on the fit trials, with the noise that the fits were made under.
         fits: the nominal model, then every candidate that was fitted together with the coefficients.
-        effects: candidates by name.
         provenance: versions, seed, hashes of the inputs.
         checks: what is to be known of the data before physics is blamed.
         p_wrong: p value of the nominal model.
@@ -185,11 +209,9 @@ class Diagnosis(Result):
         description: forces that describe what no cause explains; only where it is ``unexplained``.
         gain: on held-out trials; None where there are none. Where nothing is wrong both models are the nominal one.
         table: every set of causes that was compared, with the numbers that the verdict was read from.
-        posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
-            it diverged or failed.
     """
 
-    dataset: Dataset
+    setup: Setup
     verdict: Verdict
     message: str
     status: str
@@ -198,12 +220,8 @@ class Diagnosis(Result):
     failures: Mapping[str, str]
     nominal: Mapping[str, Estimate]
     extended: Mapping[str, Estimate]
-    nominal_model: Model
-    extended_model: Model
     overlays: tuple[Overlay, ...]
-    problem: Problem
     fits: tuple[FittedModel, ...]
-    effects: Mapping[str, Effect]
     provenance: Mapping[str, Any]
     checks: Inspection = field(default_factory=Inspection)
     p_wrong: float = math.nan
@@ -221,28 +239,14 @@ class Diagnosis(Result):
     force: tuple[MissingForce, ...] = ()
     description: Description | None = None
     gain: Gain | None = None
-    posterior: Posterior | None = None
     table: Table = field(default_factory=Table)
-
-    @property
-    def plannable(self) -> bool:
-        """Whether `mjfish.plan` has runs for it: in every trial all velocities were measured."""
-        return all(trial.measured.all() for trial in self.dataset.trials)
-
-    @property
-    def fish(self) -> Extended:
-        """The fish with the causes that explain most, and random ones, at the estimates: `mjfish.simulate` takes it."""
-        model, sizes = self.extended_model, dict(self.extended)
-        for row in self.table.random:
-            model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
-        return Extended(model, {name: value.estimate for name, value in sizes.items()})
 
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""
-        lines = [f"{self.dataset.name}: {self.verdict}. {self.message}"]
+        lines = [f"{self.setup.dataset}: {self.verdict}. {self.message}"]
         if self.status == "fit_not_converged":
             lines.append("The fit has not converged: the numbers are not final; see `remarks`.")
-        knots = knots_of(self.effects.values())
+        knots = self.setup.knots
         for cause in self.causes:
             for name, value in cause.parameters.items():
                 if f"{cause.name}.{name}" in knots:
@@ -272,6 +276,37 @@ class Diagnosis(Result):
         kept = lines[: max(room - 1, 0)]
         return [*kept, f"  and {len(lines) - len(kept)} more curves, see `mechanisms`"] if room > 0 else []
 
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Diagnosis(DiagnosisData):
+    """What is wrong with the simulation of a dataset, why, and what knowing it gains.
+
+    Beside what a reader sees, which `DiagnosisData` lists, it has what it was computed with.
+
+    Attributes:
+        dataset: that was diagnosed.
+        nominal_model, extended_model: ready to predict.
+        problem: of the nominal model on the fit trials, with the noise that the fits were made under.
+        effects: candidates by name.
+        posterior: what the fit of the extended model says of its parameters, for draws (`mjfish.sample`); None where
+            it diverged or failed.
+    """
+
+    dataset: Dataset
+    nominal_model: Model
+    extended_model: Model
+    problem: Problem
+    effects: Mapping[str, Effect]
+    posterior: Posterior | None = None
+
+    @property
+    def fish(self) -> Extended:
+        """The fish with the causes that explain most, and random ones, at the estimates: `mjfish.simulate` takes it."""
+        model, sizes = self.extended_model, dict(self.extended)
+        for row in self.table.random:
+            model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
+        return Extended(model, {name: value.estimate for name, value in sizes.items()})
+
     def _told(self, cause: str) -> str:
         """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""
         effect = self.effects.get(cause)
@@ -282,15 +317,17 @@ class Diagnosis(Result):
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
             "certain", "candidates", "failures", "undetectable", "isolability", "checks", "description",
-            "p_wrong", "table", "where", "fits", "posterior", "provenance",
+            "p_wrong", "table", "where", "fits", "posterior", "provenance", "best", "closest", "overlays",
         )  # fmt: skip
-        return {
+        setup = plain(self.setup)
+        content = {
             "schema": SCHEMA,
-            "dataset": self.dataset.name,
+            "dataset": setup.pop("dataset"),
             **{name: plain(getattr(self, name)) for name in kept},
             "causes": [{**plain(cause), "name": self._told(cause.name)} for cause in self.causes],
-            "missing_force": plain([force.summary() for force in self.force]),
+            "missing_force": plain(self.force),
             "gain": plain(self.gain),
             "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},
-            "problem": self.problem.to_dict(),
+            "problem": {**self.problem.to_dict(), **setup},
         }
+        return {**content, "sha256": hashed.digest(content)}

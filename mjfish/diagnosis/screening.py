@@ -313,7 +313,7 @@ class _NominalTest:
     def _p_values(self, evidence: Evidence) -> tuple[float, float]:
         """Return the p values of the directed test, and of it and the omnibus basis together."""
         directed, omnibus = evidence.directed_p(), tail(*evidence.omnibus)
-        finite("the test of the residual", directed, omnibus)
+        finite("the test of the residual", directed=directed, omnibus=omnibus)
         return directed, min(1.0, directed / _DIRECTED, omnibus / _OMNIBUS)
 
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:

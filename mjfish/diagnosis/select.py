@@ -103,7 +103,7 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = gains.max() - gains[index]
-        finite("the comparison of the candidates", float(observed), *margin.sum(axis=0))
+        finite("the comparison of the candidates", margin=float(observed), by_run=float(margin.sum()))
         p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
         result[name] = Row.of(name, refits[name], float(observed), p_value, chosen[index] if chosen else None)
     return result

@@ -22,7 +22,7 @@ from mjfish.estimation import Fit
 from mjfish.estimation.fit import Z95
 from mjfish.model import Model
 from mjfish.parameter import Parameter
-from mjfish.serialise import plain
+from mjfish.serialise import fields_of, plain, restored
 
 
 @dataclass(frozen=True)
@@ -239,9 +239,8 @@ class Row:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as ``diagnosis.json`` has it."""
-        kept = {name: plain(value) for name, value in vars(self).items() if name not in ("causes", "adjusted")}
         left, interval = (self.left, [*self.left_interval]) if self.tests else (None, None)
-        return {**kept, "left": left, "left_interval": interval, "distances": self.distances()}
+        return {**fields_of(self), "left": left, "left_interval": interval, "distances": self.distances()}
 
 
 @dataclass(frozen=True)
@@ -346,4 +345,14 @@ class Table:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table as ``diagnosis.json`` has it."""
-        return {"thresholds": plain(THRESHOLDS), "rows": [row.to_dict() for row in self.rows]}
+        names = {kind: [row.names for row in getattr(self, kind)] for kind in ("corrections", "random")}
+        told = {"p_wrong": self.p_wrong, "thresholds": plain(THRESHOLDS), **names}
+        return {**told, "rows": [row.to_dict() for row in self.rows]}
+
+    @classmethod
+    def restored(cls, saved: Mapping[str, Any]) -> Table:
+        """Return a table with the same rows; which of the sets were compared without others is not known any more."""
+        rows = restored(tuple[Row, ...], saved["rows"])
+        first, last = len(saved["corrections"]), len(saved["corrections"]) + len(saved["random"])
+        sets = Comparison({row.names: row for row in rows[last:]})
+        return cls(restored(float, saved["p_wrong"]), sets, corrections=rows[:first], random=rows[first:last])

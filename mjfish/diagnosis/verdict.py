@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from mjfish.diagnosis.failures import LISTED, folded
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.table import Comparison, Names, Row, Table, one_mechanism
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import MECHANISMS
-
-#: Most failures that a message lists.
-_TOLD = 3
 
 _OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
 
@@ -219,9 +217,9 @@ def withheld(decision: Decision, failures: Mapping[str, str]) -> Decision:
     """Return the decision with what failed; one that claims something is taken back."""
     if not failures:
         return decision
-    listed = [f"{part} failed ({reason})" for part, reason in failures.items()]
-    more = [f"{len(listed) - _TOLD} more failed"] if len(listed) > _TOLD else []
-    told = "; ".join([*listed[:_TOLD], *more])
+    listed = [f"{parts} failed ({reason})" for parts, reason in folded(failures)]
+    more = [f"others failed ({len(failures)} in all)"] if len(listed) > LISTED else []
+    told = "; ".join([*listed[:LISTED], *more])
     remedy = "mend what failed, or leave it out, and diagnose again"
     if decision.verdict in ("named", "nothing_wrong"):
         message = f"These data allow no verdict: {told}; {remedy}. As far as the rest goes: {decision.message}"

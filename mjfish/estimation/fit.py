@@ -118,7 +118,7 @@ def minimise(
     def left(at: FloatArray) -> tuple[FloatArray, float]:
         whole = np.concatenate([problem.residual(at), mean - prior @ at])
         if not np.isfinite(whole).all():
-            raise FloatingPointError("the residual is not finite")
+            raise FloatingPointError(f"the residual is not finite: {problem.lost_row(whole)}")
         return whole, float(loss_scale**2 * np.sum(LOSSES[loss][0]((whole / loss_scale) ** 2)))
 
     here, cost = left(x)

@@ -53,14 +53,14 @@ class Slopes:
         own: (k_r,) a trial, places of those that it alone has.
         velocity: (n_r, 3, s + k_r) a trial, of its counted samples, in physical units: shared columns, then its own.
         sensors: (m, s + k_r) rows of each sensor of each trial, whitened.
-        lost: names of parameters whose derivatives are not finite somewhere; they are 0 there.
+        lost: parameters whose derivatives are not finite somewhere; they are 0 there. By name, with the first place.
     """
 
     shared: IntArray
     own: list[IntArray]
     velocity: list[FloatArray]
     sensors: list[FloatArray]
-    lost: frozenset[str] = frozenset()
+    lost: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def nbytes(self) -> int:
@@ -84,6 +84,14 @@ class _Predicted:
     def lost(self) -> bool:
         """Whether the rollout did not reach every sample."""
         return not all(np.all(np.isfinite(block)) for block in (self.velocity, *self.sensors))
+
+    def lost_in(self, trial: Trial) -> str:
+        """Return the first number that is not finite: its channel, trial and time [s]; empty where there is none."""
+        read = ((s.channels, s.time, block) for s, block in zip(trial.sensors, self.sensors, strict=True))
+        for channels, time, block in ((CHANNELS, trial.time, self.velocity), *read):
+            for row, channel in np.argwhere(~np.isfinite(block))[:1]:
+                return f"{channels[channel]} of trial {trial.name} at {time[row]:.4g} s"
+        return ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +274,24 @@ class Problem:
     def divergence(self, x: FloatArray) -> str:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
-        lost = [(trial, own) for trial, own in predicted if _Predicted(own.velocity, own.sensors).lost]
-        return "; ".join(f"{trial.name} {own.message or 'is predicted as no number'}" for trial, own in lost)
+        lost = [(t, own, _Predicted(own.velocity, own.sensors).lost_in(t)) for t, own in predicted]
+        words = [
+            f"{trial.name} {own.message}" if own.message else f"{at} is no number" for trial, own, at in lost if at
+        ]
+        return "; ".join(words)
+
+    def lost_row(self, residual: FloatArray) -> str:
+        """Return where a whitened residual (n,) is not finite first: trial, and channel and time [s] of a velocity."""
+        row = int(np.argmax(~np.isfinite(residual)))
+        for i, (trial, own, velocities) in enumerate(
+            zip(self.trials, self.trial_rows, self.rows_by_trial(), strict=True)
+        ):
+            if velocities.start <= row < velocities.stop:
+                sample, channel = divmod(row - velocities.start, len(CHANNELS))
+                return f"{CHANNELS[channel]} of trial {trial.name} at {trial.time[self.mask(i)][sample]:.4g} s"
+            if row in own:
+                return f"a sensor of trial {trial.name}"
+        return "what was known beforehand"
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
@@ -283,21 +307,21 @@ class Problem:
         """Return derivatives as rows (n, k) of the whitened residual: zeros in those of known parameters."""
         return self._measured_rows(slopes).above(np.zeros((len(self.known), slopes.count)))
 
-    def rows_by(self, x: FloatArray, names: Sequence[str], factors: FloatArray) -> tuple[FloatArray, frozenset[str]]:
-        """Return derivatives by shared parameters times factors (k,) as such rows (n, k), and names of `Slopes.lost`.
+    def rows_by(self, x: FloatArray, names: Sequence[str], factors: FloatArray) -> tuple[FloatArray, Mapping[str, str]]:
+        """Return derivatives by shared parameters times factors (k,) as such rows (n, k), and `Slopes.lost`.
 
         Of one trial after the other: all their derivatives would take the memory twice and thrice.
         """
         shared, own, found = self._slopes_by_trial(x, [p for p in self.parameters if p.name in names])
-        lost: set[str] = set()
+        lost: dict[str, str] = {}
 
         def scaled() -> Iterator[_Predicted]:
             for one, nowhere in found:
-                lost.update(nowhere)
+                lost.update({**nowhere, **lost})
                 yield _Predicted(one.velocity * factors, tuple(block * factors for block in one.sensors))
 
         rows = self._stacked(shared, own, scaled(), self.measured).above(np.zeros((len(self.known), len(shared))))
-        return rows.shared, frozenset(lost)
+        return rows.shared, lost
 
     def velocity_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
@@ -355,11 +379,12 @@ class Problem:
         shared, own, by_trial = self._slopes_by_trial(x, chosen)
         found = list(by_trial)
         velocity, sensors = [one.velocity for one, _ in found], [block for one, _ in found for block in one.sensors]
-        return Slopes(shared, own, velocity, sensors, frozenset(name for _, lost in found for name in lost))
+        lost = {name: place for _, lost in reversed(found) for name, place in lost.items()}
+        return Slopes(shared, own, velocity, sensors, lost)
 
     def _slopes_by_trial(
         self, x: FloatArray, chosen: Sequence[Parameter]
-    ) -> tuple[IntArray, list[IntArray], Iterator[tuple[_Predicted, set[str]]]]:
+    ) -> tuple[IntArray, list[IntArray], Iterator[tuple[_Predicted, dict[str, str]]]]:
         """Return `shared` and `own` of the slopes by some parameters; of each trial the others, and what is lost."""
         here = self.named(x)
         shared = np.array([k for k, p in enumerate(chosen) if ":" not in p.name], dtype=np.intp)
@@ -369,11 +394,14 @@ class Problem:
                 names[p.name.rpartition(":")[0]].append(k)
         own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
 
-        def counted(index: int) -> tuple[_Predicted, set[str]]:
+        def counted(index: int) -> tuple[_Predicted, dict[str, str]]:
             asked = [chosen[k] for k in (*shared, *own[index])]
             found = self._slopes(self.trials[index], here, asked)
-            finite = [np.isfinite(block).all(axis=(0, 1)) for block in (found.velocity, *found.sensors)]
-            lost = {p.name for known in finite for p, there in zip(asked, known, strict=True) if not there}
+            each = (
+                _Predicted(found.velocity[..., k], tuple(b[..., k] for b in found.sensors)) for k in range(len(asked))
+            )
+            places = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
+            lost = dict(places)  # before the derivatives become 0 there
             return self._counted(index, found), lost
 
         return shared, own, mapped(counted, range(len(self.trials)))

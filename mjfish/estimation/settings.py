@@ -20,6 +20,8 @@ Weights = Literal["noise", "paper"]
 PAPER_SIGMA = (0.01, 0.01, math.pi / 180.0)
 Bounds = tuple[float | None, float | None]
 T = TypeVar("T")
+#: Starts beyond this number would take years.
+_MOST_STARTS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,8 @@ class Settings:
         for kind, name, known in (("loss", self.loss, get_args(Loss)), ("weights", self.weights, get_args(Weights))):
             if name not in known:
                 raise UnknownNameError(kind, name, known)
-        if self.starts < 1:
-            raise InputError(f"starts is {self.starts}, expected 1 or more")
+        if not 1 <= self.starts <= _MOST_STARTS:
+            raise InputError(f"starts is {self.starts}, expected 1 to {_MOST_STARTS}; correct it")
         if not (math.isfinite(self.loss_scale) and self.loss_scale > 0.0):
             raise InputError(f"loss_scale is {self.loss_scale:g}, expected a positive number of sigmas")
 

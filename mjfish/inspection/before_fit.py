@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.looking import for_looking
-from mjfish.effects import Effect, catalogue, of_fish
+from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
 from mjfish.frames import CHANNELS
 from mjfish.inspection import nominal_simulation as nominal
@@ -30,7 +30,7 @@ from mjfish.model import Model
 from mjfish.result import Result
 
 
-def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> Inspection:
+def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:
     """Test a dataset before anything is fitted to it: signs, units, labels, clocks, copies, missing runs.
 
     Velocities are in m/s and rad/s, times in s, as `mjfish.load_dataset` reads them. Nothing is raised for bad data:
@@ -39,13 +39,14 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
 
     Args:
         dataset: the trials, or the folder of ``dataset.toml``.
-        effects: the causes that findings may concern, by name; None: the shipped catalogue.
+        effects: the causes that findings may concern, by name, or Python files with causes of your own; None: the
+            shipped ones.
 
     Returns:
         The findings, the worst first; those of severity ``blocks`` make a diagnosis worthless.
 
     Raises:
-        InputError: `dataset` is a folder that cannot be read.
+        InputError: `dataset` is a folder that cannot be read, or has no trial to fit; a file of effects is none.
 
     Example:
         >>> import mjfish
@@ -55,7 +56,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    known = catalogue() if effects is None else effects
+    known = catalogue(effects)
     complete = tuple(trial for trial in dataset.trials if trial.measured.all())
     others = [trial for trial in dataset.trials if not trial.measured.all()]
     beside = [*nominal.time_units(others, {trial.name: nominal.time_factor(trial) for trial in others})]
@@ -64,7 +65,7 @@ def inspect(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None 
         return Inspection.of([*beside, *missing_runs(dataset, known)], known)
     whole, dataset = dataset, replace(dataset, trials=complete)
     frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
-    held = [trial.name for trial in dataset.split()[1]]
+    held = [trial.name for trial in whole.split()[1]]
     found = [finding for trial in dataset.trials for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     trials = [trial for trial in dataset.trials if trial.name not in silent]
@@ -217,12 +218,12 @@ class DataReport(Result):
         }
 
 
-def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | None = None) -> DataReport:
+def report_on(dataset: Dataset | str | Path, effects: Causes = None) -> DataReport:
     """Say what is in a dataset, what is wrong with it, and which causes it cannot show. Nothing is fitted.
 
     Args:
         dataset: the trials, with velocities in m/s and rad/s and times in s, or the folder of ``dataset.toml``.
-        effects: causes by name; None: the shipped catalogue.
+        effects: causes by name, or Python files with causes of your own; None: the shipped ones.
 
     Raises:
         InputError: `dataset` is a folder that cannot be read.
@@ -236,7 +237,7 @@ def report_on(dataset: Dataset | str | Path, effects: Mapping[str, Effect] | Non
     """
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
-    known = of_fish(catalogue() if effects is None else effects, dataset.fish)
+    known = of_fish(catalogue(effects), dataset.fish)
     reasons = {name: reason for name, effect in known.items() if (reason := effect.not_applicable(dataset))}
     return DataReport(dataset, inspect(dataset, known), reasons, tuple(known))
 

@@ -22,9 +22,9 @@ def figure(result: Any) -> go.Figure:
     Raises:
         InputError: this result has no figure.
     """
-    from mjfish.reporting.html import results
+    from mjfish.reporting.html import pages, results
 
-    return results.figure(result).update_layout(showlegend=True)
+    return pages.Shown(results.figure(result).update_layout(showlegend=True))
 
 
 def write_report(result: Any, path: str | Path) -> None:
@@ -55,20 +55,17 @@ def write_curves(result: Any, folder: str | Path) -> tuple[Path, ...]:
     Raises:
         InputError: this kind of result has no curves, or a file cannot be written.
     """
-    from mjfish.diagnosis import Diagnosis
+    from mjfish.diagnosis import DiagnosisData
     from mjfish.errors import InputError
     from mjfish.reporting import curves
 
-    if not isinstance(result, Diagnosis):
+    if not isinstance(result, DiagnosisData):
         raise InputError(f"{folder}: {type(result).__name__} has no curves to write; print it, or read its to_dict()")
     return curves.write_curves(result.mechanisms, Path(folder))
 
 
 def notebook(result: Any) -> str:
-    """Return a result as HTML for a notebook: its summary and its figure.
-
-    The figure loads plotly.js from the network; `write_report` writes a page that does not.
-    """
+    """Return a result as HTML for a notebook: its summary and its figure, which needs no network."""
     from mjfish.errors import InputError
 
     text = f"<pre>{escape(result.summary())}</pre>"
@@ -76,4 +73,4 @@ def notebook(result: Any) -> str:
         drawn = figure(result)
     except InputError:  # a result without a figure, such as a fit that diverged, still has a summary
         return text
-    return text + str(drawn.to_html(full_html=False, include_plotlyjs="cdn"))
+    return text + str(drawn._repr_mimebundle_()["text/html"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis import DiagnosisData
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Notice:
     text: str
 
 
-def notices(diagnosis: Diagnosis) -> tuple[Notice, ...]:
+def notices(diagnosis: DiagnosisData) -> tuple[Notice, ...]:
     """Return a status that is not good, then all findings about the data, worst first, then all remarks."""
     status = () if diagnosis.status == "ok" else (Notice("status", "fit", diagnosis.status),)
     findings = (Notice(finding.severity, "data", finding.message) for finding in diagnosis.checks.findings)

@@ -4,39 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from mjfish.diagnosis import Diagnosis
-from mjfish.effects import Effect
+from mjfish.diagnosis import DiagnosisData
+from mjfish.diagnosis.setup import CauseText
 from mjfish.effects.mechanism import MECHANISMS
 
 #: Most causes that a headline lists.
 _LISTED = 3
 
 
-def cause_title(name: str, effects: Mapping[str, Effect]) -> str:
+def cause_title(name: str, causes: Mapping[str, CauseText]) -> str:
     """Return what a cause does, as its class says; its name where the class is not known.
 
-    >>> from mjfish.effects import catalogue
-    >>> cause_title("time_offset", catalogue())
+    >>> from mjfish.effects import find
+    >>> cause_title("time_offset", {"time_offset": CauseText.of(find("time_offset"))})
     'The clocks of camera and drive are apart'
     """
-    return _capital(effects[name].summary if name in effects else name)
+    return _capital(causes[name].summary if name in causes else name)
 
 
-def mechanism_title(name: str, effects: Mapping[str, Effect]) -> str:
+def mechanism_title(name: str, causes: Mapping[str, CauseText]) -> str:
     """Return what acts; a cause that is a mechanism by itself says it for both."""
-    return _capital(MECHANISMS[name].summary) if name in MECHANISMS else cause_title(name, effects)
+    return _capital(MECHANISMS[name].summary) if name in MECHANISMS else cause_title(name, causes)
 
 
-def headline(diagnosis: Diagnosis) -> str:
+def headline(diagnosis: DiagnosisData) -> str:
     """Return the verdict as a reader would say it, without the names of the code."""
     if diagnosis.verdict == "named":
-        acting = [mechanism_title(mechanism.name, diagnosis.effects) for mechanism in diagnosis.mechanisms]
-        return _listed(acting or [cause_title(cause.name, diagnosis.effects) for cause in diagnosis.causes])
+        acting = [mechanism_title(mechanism.name, diagnosis.setup.causes) for mechanism in diagnosis.mechanisms]
+        return _listed(acting or [cause_title(cause.name, diagnosis.setup.causes) for cause in diagnosis.causes])
     if diagnosis.verdict == "nothing_wrong":
         return "The data do not contradict the simulation"
     if diagnosis.verdict == "unexplained":
         return "Something is wrong, and no listed cause explains it"
-    rivals = [cause_title(name, diagnosis.effects) for group in diagnosis.rivals for name in group]
+    rivals = [cause_title(name, diagnosis.setup.causes) for group in diagnosis.rivals for name in group]
     if not rivals:
         return "The data cannot tell the cause"
     if len(rivals) > _LISTED:

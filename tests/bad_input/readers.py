@@ -19,13 +19,13 @@ from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer
 
 import mjfish
-from mjfish import data, fish, tomlfile
+from mjfish import data, fish, hashed, tomlfile
 from mjfish.comparison import rollouts
 from mjfish.data.importers import import_files
 from mjfish.data.importers.deeplabcut import read_tracks
 from mjfish.data.importers.mapping import MarkersMap, fish_of, layout
 from mjfish.data.importers.markers import Marked, metres, read_points
-from mjfish.design import load_diagnosis
+from mjfish.design import load_fitted_models
 from mjfish.errors import MjfishError
 from mjfish.files import json_text
 from mjfish.model import extended
@@ -116,8 +116,8 @@ def _arrays(found: Any) -> Any:
 #: Every reader.
 NAMES = (
     "dataset.toml", "cpg.csv", "measured.csv", "tag.csv", "wave.parquet", "fish.toml", "run_1.csv", "map.toml",
-    "pose.csv", "track.csv", "Amp20Bias-30.txt", "bag.mcap", "rollout.csv", "diagnosis.json", "planned.json",
-    "film.csv", "markers.toml", "study.toml",
+    "pose.csv", "track.csv", "Amp20Bias-30.txt", "bag.mcap", "rollout.csv", "diagnosis.json", "saved.json",
+    "planned.json", "film.csv", "markers.toml", "study.toml",
 )  # fmt: skip
 STEP = 0.02
 ROWS = 51
@@ -372,7 +372,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     parquet = (mutations.corrupted, mutations.rearranged_parquet)
     bags = (mutations.corrupted, _odd_bag, _unchecked_bag)
     posterior = (mutations.corrupted, _of_posterior)
-    tree = (mutations.corrupted, mutations.rearranged_json)
+    tree = (mutations.corrupted, mutations.rearranged_json, _signed)
     run = {"run_1.csv": _csv(laboratory), "map.toml": _VELOCITIES_MAP.encode()}
     found = [
         Reader("dataset.toml", own["dataset.toml"], mjfish.load_dataset, toml, own),
@@ -387,7 +387,8 @@ def readers(folder: Path) -> dict[str, Reader]:
         Reader("bag.mcap", bag(), _imported("mcap", "bag.mcap"), bags, {"map.toml": _BAG_MAP.encode()}),
         Reader("rollout.csv", _csv(_velocities()), lambda place: _rollout(place / "rollout.csv"), table),
         Reader("diagnosis.json", told, lambda place: mjfish.sample(place / "diagnosis.json", 1), posterior),
-        Reader("planned.json", told, lambda place: [load_diagnosis(place / "planned.json", result.dataset)], tree),
+        Reader("saved.json", told, lambda place: mjfish.load_diagnosis(place / "saved.json"), tree),
+        Reader("planned.json", told, lambda place: [load_fitted_models(place / "planned.json", result.dataset)], tree),
     ]
     found += [
         Reader("film.csv", _film(), _points, table, {"markers.toml": film_map}),
@@ -412,6 +413,16 @@ def _inputs(folder: Path) -> list[Any]:
 def _rollout(path: Path) -> dict[str, Any]:
     run = rollouts.read(path)
     return {"time": run.time, "velocity": run.velocity}
+
+
+def _signed(raw: bytes, random: Random) -> bytes:
+    """Change what is read, and let the hash fit it."""
+    try:
+        content = mutations.json.loads(mutations.rearranged_json(raw, random))
+        content.pop("sha256", None)
+        return json_text(content | {"sha256": hashed.digest(content)}).encode()
+    except (ValueError, RecursionError, AttributeError, TypeError):
+        return raw
 
 
 def _of_posterior(raw: bytes, random: Random) -> bytes:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import chdir, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +147,7 @@ COMMANDS = {
     "fish new": "carp --length 0.5 --mass 1 --joints 3 --height 0.1", "fish show": "pike",
     "dataset new": "out run.csv --fish pike",
 }  # fmt: skip
-WORDS = ("", "no/such", "empty.toml", "bytes", "nan", "-1", "1e300", "x" * 300, "a=b", "a:b=c", "[")
+WORDS = ("", "a\0b", "no/such", "empty.toml", "bytes", "nan", "-1", "1e300", "x" * 300, "a=b", "a:b=c", "[")
 
 
 def _options(command: str) -> Iterator[str]:
@@ -176,6 +178,19 @@ def _model() -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(PLATE)
 
 
+@functools.cache
+def _inspection() -> Any:
+    return mjfish.inspect("pool")
+
+
+def _written(method: str, path: Any) -> None:
+    """Write a result, in a folder where nothing is lost."""
+    result = _inspection()
+    Path("saved").mkdir(exist_ok=True)
+    with chdir("saved"):
+        getattr(result, method)(path)
+
+
 def _loaded() -> mjfish.Dataset:
     return mjfish.load_dataset("pool")
 
@@ -183,6 +198,13 @@ def _loaded() -> mjfish.Dataset:
 #: Calls of public functions and classes that work, to put mistakes into.
 CALLS: dict[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]] = {
     "load_dataset": (lambda **given: mjfish.load_dataset(**given), lambda: {"path": "pool"}),
+    "load_diagnosis": (lambda **given: mjfish.load_diagnosis(**given), lambda: {"path": "broken.json"}),
+    "save of a result": (lambda path: _written("save", path), lambda: {"path": "saved.json"}),
+    "report of a result": (lambda path: _written("report", path), lambda: {"path": "saved.html"}),
+    "Fish": (
+        lambda **given: mjfish.Fish(**given),
+        lambda: mjfish.load_fish("pike").model_dump(by_alias=True),
+    ),
     "load_fish": (lambda **given: mjfish.load_fish(**given), lambda: {"name_or_path": "pike", "relative_to": None}),
     "new_fish": (
         lambda **given: mjfish.new_fish(**given),
@@ -258,9 +280,10 @@ CALLS: dict[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]] = {
 }  # fmt: skip
 VALUES = (
     None, "", "nope", "no/such/file.toml", "pool", "tether.py", "import_inside.py", "run.csv", Path("nope"), "x" * 5000,
-    3, -1, 0, 1.5, -2.5, float("nan"), float("inf"), 1e300, True, b"x", [], {}, (), [1, 2], ["nope"], [None],
-    ["v1", 3], [[1, 2], [3]], ["tether.py"], {"nope": 1.0}, {"c_d.head": None}, {"c_d.head": float("nan")},
-    {"c_d.head": "x"}, {3: 4.0}, {1, 2}, object(), print, np.zeros((2, 2)), np.full(3, np.nan), np.array(["a"]),
+    "a\0b", Path("a\0b"), 10**29, 3, -1, 0, 1.5, -2.5, float("nan"), float("inf"), 1e300, True, b"x", [], {}, (),
+    [1, 2], ["nope"], [None], ["v1", 3], [[1, 2], [3]], ["tether.py"], {"nope": 1.0}, {"c_d.head": None},
+    {"c_d.head": float("nan")}, {"c_d.head": "x"}, {3: 4.0}, {1, 2}, object(), print, np.zeros((2, 2)),
+    np.full(3, np.nan), np.array(["a"]),
 )  # fmt: skip
 
 
@@ -301,6 +324,30 @@ SAID = {
         "^effect _Empty: attribute 'domain' is missing or empty; declare it$",
     ),
     "no file of effects": (lambda: mjfish.diagnose("pool", effects="no.py"), "^no.py: no such file of effects"),
+    "no file of effects for an inspection": (
+        lambda: mjfish.inspect("pool", effects=["no.py"]),
+        "^no.py: no such file of effects",
+    ),
+    "a dataset without trials": (
+        lambda: mjfish.diagnose(replace(_loaded(), trials=())),
+        "no trial to fit, expected one or more; add one, or hold out fewer$",
+    ),
+    "a dataset without fitted trials": (
+        lambda: mjfish.identify(replace(_loaded(), trials=(replace(_loaded()["v1"], role="held_out"),))),
+        "no trial to fit, expected one or more",
+    ),
+    "more starts than anybody waits for": (
+        lambda: mjfish.identify("pool", starts=10**29),
+        "^starts is 1000000000.*, expected 1 to 1000000; correct it$",
+    ),
+    "NUL in a name": (
+        lambda: mjfish.diagnose("pool", resume="a\0b"),
+        "^the name of a file or folder holds a character NUL, which none can have; correct it$",
+    ),
+    "a fish of unknown keys": (
+        lambda: mjfish.Fish(**mjfish.load_fish("pike").model_dump(by_alias=True), fins=2),
+        "^Fish: fins: unknown key; remove it or correct its spelling",
+    ),
     "an import in a load": (
         lambda: mjfish.diagnose("pool", effects="import_inside.py"),
         "^import_inside.py: the load 'pull' cannot be compiled: .* put imports at the top of its file$",
@@ -319,6 +366,10 @@ SAID = {
     "no step": (lambda: mjfish.check("pike", step=0.0), "expected a step and a bound above 0"),
     "a fish of no numbers": (lambda: mjfish.new_fish("a", length=1, mass=1e300, joints=1, height=0.1), "fish 'a': "),
 }
+
+
+def test_an_inspection_takes_a_file_of_effects() -> None:
+    assert mjfish.inspect("pool", effects="tether.py").findings == mjfish.inspect("pool").findings
 
 
 @pytest.mark.parametrize("mistake", SAID)

@@ -14,6 +14,7 @@ from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
+from mjfish.diagnosis.setup import CauseText
 from mjfish.effects import catalogue
 from mjfish.inspection import Finding, Inspection
 
@@ -54,7 +55,9 @@ def test_without_held_out_trials_there_is_no_gain_to_tell(capsys: pytest.Capture
 
 def test_a_rival_from_a_users_file_is_told_apart_too(capsys: pytest.CaptureFixture[str]) -> None:
     """It is in no shipped catalogue. Its text may hold brackets."""
-    result = replace(diagnosis("cannot_tell"), rivals=((CAUSE, "camera_scale"),), effects=catalogue([OWN]))
+    found = diagnosis("cannot_tell")
+    causes = {name: CauseText.of(effect) for name, effect in catalogue([OWN]).items()}
+    result = replace(found, rivals=((CAUSE, "camera_scale"),), setup=replace(found.setup, causes=causes))
     shown = _printed(capsys, result)
     assert "To confirm camera_scale: film a ruler." in shown
     assert "mean speed error [m/s]" in shown

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,8 @@ def test_causes_named_by_hand_are_made_visible(run: Run, pool: str, tmp_path: Pa
 
 
 def test_a_diagnosis_gives_the_rivals_and_their_fits(run: Run, pool: str, tmp_path: Path) -> None:
-    raw = diagnosis("cannot_tell").to_dict() | {"dataset": "pool"}
-    (tmp_path / "found.json").write_text(json.dumps(raw))
+    found = diagnosis("cannot_tell")
+    replace(found, setup=replace(found.setup, dataset="pool")).save(tmp_path / "found.json")
     told = run(f"plan {pool} --diagnosis found.json --generate next").stdout
     assert "The data cannot tell servo_lag or time_offset apart." in told
     assert "sync-flash" in told

@@ -61,7 +61,7 @@ def test_quiet_is_silent_and_json_has_standard_output_alone(run: Run) -> None:
     assert (quiet.stdout, quiet.stderr) == ("", "")
     told = json.loads(run(f"diagnose {DEMO} --json -").stdout)
     assert told["verdict"] == "named"
-    assert not complaints("diagnosis-4", told)
+    assert not complaints("diagnosis-5", told)
 
 
 @pytest.mark.usefixtures("diagnosed")

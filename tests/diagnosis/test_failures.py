@@ -18,11 +18,13 @@ from schema_check import complaints
 
 from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis, diagnose
+from mjfish.diagnosis.assembly import failed_remarks
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.failures import Parts, noting, tried
+from mjfish.diagnosis.failures import PartFailedError, Parts, finite, noting, tried
 from mjfish.diagnosis.refit import refit_with
 from mjfish.diagnosis.refit_result import Refit, extended
 from mjfish.diagnosis.table import Comparison
+from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
@@ -75,7 +77,7 @@ def _assert_told(result: Diagnosis, part: str, reason: str) -> None:
     assert any(part in remark and reason in remark for remark in result.remarks)
     assert result.status != "ok"
     assert result.causes == ()
-    assert complaints("diagnosis-4", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-5", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.fixture(scope="module")
@@ -355,6 +357,52 @@ def test_an_effect_that_gives_nonsense_is_a_failure(
     _assert_told(_diagnosed(hidden, _broken(at, does)), "broken", reason)
 
 
+def test_the_first_derivative_that_is_no_number_is_named_with_trial_and_time() -> None:
+    def reading(_self: Any, state: Any, values: Any, trial: Any) -> Any:
+        late = (trial.time > 2.01) & (trial.name == "v3")
+        gone = np.where(late[:, None] & (np.arange(8) == 1), np.nan, 1.0)
+        return state * (gone if values["size"] else 1.0)
+
+    result = _diagnosed(True, _broken("reading", reading))
+    said = "the derivative by its sizes is not finite: sway of trial v3 at 2.02 s; see what it makes of the run there"
+    _assert_told(result, "broken", said)
+
+
+def test_the_first_residual_that_is_no_number_is_named_with_trial_and_time() -> None:
+    dataset = _data(True)
+    problem = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
+    residual = problem.residual(problem.start())
+    second = problem.rows_by_trial()[1]
+    residual[second.start + 3 * 10 + 2 :] = np.nan
+    time = dataset.trials[1].time[problem.mask(1)][10]
+    assert problem.lost_row(residual) == f"yaw_rate of trial v3 at {time:.4g} s"
+    velocity = np.zeros((len(dataset.trials[0].time), 3))
+    velocity[7:, 0] = np.nan
+    lost = replace(problem.prediction(dataset.trials[0], problem.named(problem.start())), velocity=velocity)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Problem, "prediction", lambda *_: lost)
+        assert problem.divergence(problem.start()).startswith("surge of trial v1 at 0.14 s is no number")
+
+
+def test_parts_that_fail_for_the_same_reason_are_one_line_with_their_count() -> None:
+    alike = dict.fromkeys([f"cause_{k}" for k in range(32)], "it diverged") | {"other": "SVD did not converge"}
+    lines = [*failed_remarks(alike)]
+    assert lines == [
+        "failed: cause_0, cause_1, cause_2 and others (32 in all): it diverged",
+        "failed: other: SVD did not converge",
+    ]
+    said = withheld(Decision("named", (), "The cause is a."), alike).message
+    assert "cause_0, cause_1, cause_2 and others (32 in all) failed (it diverged); other failed (SVD" in said
+    several = {f"cause_{k}": f"reason {k}" for k in range(5)}
+    assert "reason 2); others failed (5 in all); mend" in withheld(Decision("named", (), "x"), several).message
+
+
+def test_a_statistic_that_is_no_number_is_named() -> None:
+    with pytest.raises(PartFailedError) as caught:
+        finite("the test", directed=0.1, omnibus=np.nan)
+    assert caught.value.args == ("the test", "its statistic 'omnibus' is no number")
+
+
 def test_an_effect_that_raises_at_some_sizes_alone_is_a_failure() -> None:
     """Its score is fine: it fails in its refit."""
 
@@ -395,7 +443,7 @@ def test_where_a_solver_fails_nothing_is_claimed(
     assert calls
     assert result.verdict not in CLAIMS
     assert result.failures
-    assert complaints("diagnosis-4", json.loads(json.dumps(result.to_dict()))) == []
+    assert complaints("diagnosis-5", json.loads(json.dumps(result.to_dict()))) == []
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from mjfish import noise
 from mjfish.diagnosis import Diagnosis
 from mjfish.noise import Autoregressive, GaussMarkov
 from mjfish.reporting.html.methods import NOISE_WORDS, REFERENCES, methods, noise_words
+from mjfish.serialise import plain
 
 
 def _text(found: Diagnosis) -> str:
@@ -56,9 +57,9 @@ def test_what_was_not_done_is_not_said() -> None:
 
 
 def test_the_noise_is_that_of_the_fit() -> None:
-    assert noise_words(Autoregressive(SIGMA, np.zeros((3, 2)))) == "autoregressive noise of order 2"
+    assert noise_words(plain(Autoregressive(SIGMA, np.zeros((3, 2))))) == "autoregressive noise of order 2"
     found = diagnosis()
-    slow = replace(found, problem=replace(found.problem, noise=GaussMarkov(SIGMA, drift=SIGMA)))
+    slow = replace(found, setup=replace(found.setup, noise=plain(GaussMarkov(SIGMA, drift=SIGMA))))
     assert "by maximum likelihood under Gauss-Markov noise on top of white noise." in _text(slow)
 
 
@@ -66,4 +67,4 @@ def test_every_noise_model_has_words() -> None:
     for name in noise.__all__:
         kind = getattr(noise, name)
         if isinstance(kind, type) and issubclass(kind, noise.Noise) and kind not in (noise.Noise, Autoregressive):
-            assert kind in NOISE_WORDS, name
+            assert name in NOISE_WORDS, name

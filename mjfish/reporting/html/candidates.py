@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mjfish.diagnosis import Candidate, Diagnosis
+from mjfish.diagnosis import Candidate, DiagnosisData
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.reporting.words import number, percent, unit
@@ -13,23 +13,23 @@ from mjfish.reporting.words import number, percent, unit
 _CONFOUNDED = 0.9
 
 
-def detectable(candidate: Candidate, diagnosis: Diagnosis) -> tuple[str, ...]:
+def detectable(candidate: Candidate, diagnosis: DiagnosisData) -> tuple[str, ...]:
     """Return the minimum detectable effect of each amplitude, with its unit."""
-    effect = diagnosis.effects.get(candidate.name)
-    units = {p.name: p.unit for p in effect.parameters} if effect else {}
+    cause = diagnosis.setup.causes.get(candidate.name)
+    units = cause.units if cause else {}
     return tuple(
         f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
         for name, size in (candidate.minimum_detectable or {}).items()
     )
 
 
-def remark(candidate: Candidate, diagnosis: Diagnosis) -> str:
+def remark(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
     sentence = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
     return " ".join(filter(None, [sentence, *cautions(candidate, diagnosis)]))
 
 
-def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
+def judgement(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[str]) -> str:
     """Say in a sentence why the candidate is, or is not, the cause.
 
     Args:
@@ -61,7 +61,7 @@ def judgement(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) 
     return ""
 
 
-def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
+def cautions(candidate: Candidate, diagnosis: DiagnosisData) -> list[str]:
     """Return what to mind about the numbers of a candidate."""
     found = []
     if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
@@ -76,7 +76,7 @@ def cautions(candidate: Candidate, diagnosis: Diagnosis) -> list[str]:
     return found
 
 
-def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
+def _at_work(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     if diagnosis.verdict != "named":
         return "At work, whichever rival is the other cause."
     others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
@@ -85,7 +85,7 @@ def _at_work(candidate: Candidate, diagnosis: Diagnosis) -> str:
     return f"The cause: with it in the model {_left(candidate.row)}."
 
 
-def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[str]) -> str:
+def _not_refitted(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[str]) -> str:
     if candidate.name in diagnosis.undetectable:
         return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
     if candidate.score_p < THRESHOLDS.keep and any(other.row is not None for other in diagnosis.candidates):
@@ -95,7 +95,7 @@ def _not_refitted(candidate: Candidate, diagnosis: Diagnosis, sizes: Sequence[st
     return f"No sign of it; the minimum detectable effect is {' and '.join(sizes)}."
 
 
-def _ruled_out(diagnosis: Diagnosis) -> str:
+def _ruled_out(diagnosis: DiagnosisData) -> str:
     """Say by whom: single causes stand against the best single one, whether or not it needs company."""
     leader = max(diagnosis.candidates, key=lambda other: other.row.rival_p if other.row else 0.0).name
     alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
@@ -110,13 +110,13 @@ def _left(row: Row | None) -> str:
     return f"{'nothing' if _clean(row) else 'something'} systematic is left"
 
 
-def possible(diagnosis: Diagnosis) -> set[str]:
+def possible(diagnosis: DiagnosisData) -> set[str]:
     """Return the names of all causes that may be at work: certain ones, rivals, and else the closest."""
     found = {*diagnosis.certain, *(name for group in diagnosis.rivals for name in group)}
     return found or {*diagnosis.best, *(name for names in diagnosis.alternatives for name in names)}
 
 
-def grouped(diagnosis: Diagnosis) -> tuple[list[Candidate], list[Candidate], list[Candidate]]:
+def grouped(diagnosis: DiagnosisData) -> tuple[list[Candidate], list[Candidate], list[Candidate]]:
     """Return the candidates that may be at work, those that are ruled out or left no sign, and those not tried.
 
     One that failed is among those not tried.

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from mjfish.diagnosis import Diagnosis, Estimate, Splits
-from mjfish.diagnosis.curves import knots_of
+from mjfish.diagnosis import DiagnosisData, Estimate, Splits
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
@@ -53,7 +52,7 @@ class Picture:
     reading: readings.Reading
 
 
-def write_diagnosis(diagnosis: Diagnosis, path: Path, splits: Splits | None = None) -> None:
+def write_diagnosis(diagnosis: DiagnosisData, path: Path, splits: Splits | None = None) -> None:
     """Write the page of a diagnosis, with its splits where there are some, as one HTML file, whole or not at all.
 
     Raises:
@@ -62,13 +61,11 @@ def write_diagnosis(diagnosis: Diagnosis, path: Path, splits: Splits | None = No
     write_text(path, render_diagnosis(diagnosis, splits))
 
 
-def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
+def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> str:
     """Return the page of a diagnosis as HTML: self-contained, everything that came from a user escaped."""
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
-    models = (diagnosis.nominal_model, diagnosis.extended_model)
-    declared = {p.name: p for p in (*diagnosis.problem.parameters, *(p for m in models for p in m.parameters))}
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
-    knots = knots_of(diagnosis.effects.values())
+    setup, knots = diagnosis.setup, diagnosis.setup.knots
     forms = form_rows(diagnosis.mechanisms)
     return render(
         "diagnosis.html.j2",
@@ -77,8 +74,8 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
         splits=splits,
         badge=VERDICTS[diagnosis.verdict],
         headline=headline(diagnosis),
-        title=lambda name: cause_title(name, diagnosis.effects),
-        mechanism_title=lambda name: mechanism_title(name, diagnosis.effects),
+        title=lambda name: cause_title(name, setup.causes),
+        mechanism_title=lambda name: mechanism_title(name, setup.causes),
         picture=picture(diagnosis, forms),
         readings=readings,
         sampled=sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
@@ -92,7 +89,7 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
         speed=speed_figure(diagnosis),
         where=shares(diagnosis),
         forces=_forces(diagnosis),
-        effects=diagnosis.effects,
+        effects=setup.causes,
         chosen=possible(diagnosis),
         grouped=grouped(diagnosis),
         remark=lambda candidate: remark(candidate, diagnosis),
@@ -100,7 +97,7 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
         limits=THRESHOLDS,
         experiments=experiments(diagnosis),
         bench=bench(diagnosis),
-        declared=declared,
+        declared=setup.parameters,
         names=[name for name in names if name not in knots],
         knots=knots,
         unread=len(knots.intersection(names)),
@@ -110,7 +107,7 @@ def render_diagnosis(diagnosis: Diagnosis, splits: Splits | None = None) -> str:
     )
 
 
-def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
+def parts(diagnosis: DiagnosisData, splits: Splits | None) -> list[Part]:
     """Return the sections that the page of a diagnosis has, in order."""
     experiment = "What would tell them apart" if diagnosis.verdict == "cannot_tell" else "What would confirm it"
     held_out = "What the extended model gains" if diagnosis.best else "Error on held-out trials"
@@ -122,7 +119,7 @@ def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
         (Part("gain", held_out, "gain.html.j2"), diagnosis.best or diagnosis.gain),
         (Part("splits", "How firmly the verdict is held", "splits.html.j2"), splits is not None),
         (Part("trials", "Measured against simulated", "trials.html.j2"), True),
-        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), diagnosis.problem.samples),
+        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), diagnosis.setup.velocities),
         (Part("where", "Where the nominal model goes wrong", "where.html.j2"), diagnosis.where is not None),
         (Part("force", "What the nominal model lacks, as a force", "force.html.j2"), diagnosis.force),
         (Part("candidates", "Every candidate", "candidates.html.j2"), diagnosis.candidates),
@@ -135,7 +132,7 @@ def parts(diagnosis: Diagnosis, splits: Splits | None) -> list[Part]:
     return [part for part, there in found if there]
 
 
-def picture(diagnosis: Diagnosis, forms: list[FormRow]) -> Picture:
+def picture(diagnosis: DiagnosisData, forms: list[FormRow]) -> Picture:
     """Return the learned curve, where one is named; else the stretch on which the nominal model is worst.
 
     Of places, the path of the run on which it is.
@@ -143,7 +140,7 @@ def picture(diagnosis: Diagnosis, forms: list[FormRow]) -> Picture:
     if forms and any(mechanism.form == "learned" for mechanism in diagnosis.mechanisms):
         first = forms[0].figures[0]
         return Picture(first.title, first.figure, readings.CURVE)
-    if not diagnosis.problem.samples and (run := worst_path(diagnosis)) is not None:
+    if not diagnosis.setup.velocities and (run := worst_path(diagnosis)) is not None:
         held_out = "held-out " if run.held_out else ""
         title = f"Path in {held_out}trial {run.trial.name}: where the nominal model is worst"
         return Picture(title, path_figure(diagnosis, run), readings.PATH)
@@ -151,28 +148,29 @@ def picture(diagnosis: Diagnosis, forms: list[FormRow]) -> Picture:
     return Picture(stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
 
 
-def experiments(diagnosis: Diagnosis) -> list[str]:
+def experiments(diagnosis: DiagnosisData) -> list[str]:
     """Return the causes whose bench experiments settle the verdict: the named ones, or else the rivals."""
     asked = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
-    return [name for name in asked if name in diagnosis.effects]
+    return [name for name in asked if name in diagnosis.setup.causes]
 
 
-def bench(diagnosis: Diagnosis) -> dict[str, list[str]]:
+def bench(diagnosis: DiagnosisData) -> dict[str, list[str]]:
     """Return what the causes do that each of these experiments settles; where none explains, the closest."""
     found: dict[str, list[str]] = {}
-    for name in experiments(diagnosis) or [name for name in (diagnosis.closest,) if name in diagnosis.effects]:
-        found.setdefault(diagnosis.effects[name].confirm, []).append(cause_title(name, diagnosis.effects))
+    causes = diagnosis.setup.causes
+    for name in experiments(diagnosis) or [name for name in (diagnosis.closest,) if name in causes]:
+        found.setdefault(causes[name].confirm, []).append(cause_title(name, causes))
     return found
 
 
-def _forces(diagnosis: Diagnosis) -> list[tuple[str, go.Figure]]:
+def _forces(diagnosis: DiagnosisData) -> list[tuple[str, go.Figure]]:
     """Return the missing force of every trial; first where the misfit is densest."""
     densest = diagnosis.where.trial if diagnosis.where is not None else ""
     ordered = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
     return [(missing.trial, force_figure(missing)) for missing in ordered]
 
 
-def errors(diagnosis: Diagnosis) -> list[tuple[str, float, float]]:
+def errors(diagnosis: DiagnosisData) -> list[tuple[str, float, float]]:
     """Return rows of held-out nRMSE: channel (or all of them), of the nominal and of the extended model."""
     gain = diagnosis.gain
     if gain is None:
@@ -180,12 +178,12 @@ def errors(diagnosis: Diagnosis) -> list[tuple[str, float, float]]:
     return [(channel_name(name), gain.nominal[name], gain.extended[name]) for name in gain.nominal]
 
 
-def shares(diagnosis: Diagnosis) -> list[tuple[str, str, dict[str, float]]]:
+def shares(diagnosis: DiagnosisData) -> list[tuple[str, str, dict[str, float]]]:
     """Return where the misfit sits: title of each group, where it is densest, and all shares of it in order."""
     where = diagnosis.where
     if where is None:
         return []
-    trials = [trial.name for trial in diagnosis.dataset.trials]
+    trials = [overlay.trial.name for overlay in diagnosis.overlays]
     named = {channel_name(name): share for name, share in where.channels.items()}
     return [
         ("channel", channel_name(where.channel), _in_order(named, CHANNEL_NAMES.values())),

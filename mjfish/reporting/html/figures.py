@@ -18,8 +18,7 @@ from plotly.subplots import make_subplots
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
-from mjfish.diagnosis import Diagnosis, Overlay, SensorOverlay
-from mjfish.estimation import Noise, Problem
+from mjfish.diagnosis import DiagnosisData, Overlay, SensorOverlay
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value, unit
@@ -197,36 +196,25 @@ def series_figure(series: Sequence[Series]) -> go.Figure:
     return figure.update_xaxes(title_text="time [s]", row=len(series))
 
 
-def counted(diagnosis: Diagnosis, overlay: Overlay, predicted: FloatArray) -> FloatArray:
-    """Return predicted velocities (n, 3), NaN where no fit and no score looks (see `mjfish.estimation.Problem.mask`).
-
-    That is beside a step of the drive and, where joint angles were measured, near both ends of the trial.
-    """
-    problem = Problem(diagnosis.nominal_model, (overlay.trial,), Noise.white(np.ones(3)))
-    return np.where(problem.mask(0)[:, None], predicted, np.nan)
+def scored_predictions(diagnosis: DiagnosisData, overlay: Overlay) -> dict[str, FloatArray]:
+    """Return what the models of a diagnosis predict where it counts (`Overlay.counted`), NaN elsewhere."""
+    models = ("nominal", "extended") if diagnosis.best else ("nominal",)
+    return {model: np.where(overlay.counted[:, None], getattr(overlay, model), np.nan) for model in models}
 
 
-def scored_predictions(diagnosis: Diagnosis, overlay: Overlay) -> dict[str, FloatArray]:
-    """Return what the models of a diagnosis predict where it counts."""
-    models = {"nominal": counted(diagnosis, overlay, overlay.nominal)}
-    if diagnosis.best:
-        models["extended"] = counted(diagnosis, overlay, overlay.extended)
-    return models
-
-
-def overlay_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
+def overlay_figure(diagnosis: DiagnosisData, overlay: Overlay) -> go.Figure:
     """Return one trial of a diagnosis as measured and as its models predict it, drawn where it is scored.
 
     Where no velocity was measured, what sensors read.
     """
-    if diagnosis.problem is not None and not diagnosis.problem.samples and overlay.sensors:
+    if not diagnosis.setup.velocities and overlay.sensors:
         models = ("nominal", "extended") if diagnosis.best else ("nominal",)
         read = ((own.sensor, {model: getattr(own, model) for model in models}) for own in overlay.sensors)
         return series_figure([series for own in read for series in of_sensor(*own)])
     return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay))
 
 
-def worst_path(diagnosis: Diagnosis) -> Overlay | None:
+def worst_path(diagnosis: DiagnosisData) -> Overlay | None:
     """Return the run, held out if any is, whose places the nominal model misses most; None where none was measured."""
     every = [overlay for overlay in diagnosis.overlays if _places(overlay) is not None]
     shown = [overlay for overlay in every if overlay.held_out] or every
@@ -242,7 +230,7 @@ def _places(overlay: Overlay) -> SensorOverlay | None:
     return next((own for own in overlay.sensors if own.sensor.kind == "position"), None)
 
 
-def path_figure(diagnosis: Diagnosis, overlay: Overlay) -> go.Figure:
+def path_figure(diagnosis: DiagnosisData, overlay: Overlay) -> go.Figure:
     """Return the places of one run in the plane, as measured and as the models predict them; metres are alike."""
     own, figure = _places(overlay), panels(1, height=380)
     if own is not None:

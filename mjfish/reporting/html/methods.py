@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.noise import (
-    Autoregressive,
-    DifferentiationNoise,
-    ErrorsInVariables,
-    GaussMarkov,
-    Noise,
-    NoiseByRate,
-    ProcessNoise,
-)
 from mjfish.reporting.words import estimate, interval, number, p_value, percent, unit
 
 #: Works that the text may cite, by key.
@@ -31,12 +23,12 @@ REFERENCES = {
     "Wood2017": "S. Wood, Generalized Additive Models, 2nd ed. (2017), ch. 6.",
 }
 #: How the kinds of noise read; autoregressive noise by its order.
-NOISE_WORDS: dict[type[Noise], str] = {
-    DifferentiationNoise: "noise of differentiated positions",
-    ErrorsInVariables: "noise with errors of the measured joint angles",
-    GaussMarkov: "Gauss-Markov noise on top of white noise",
-    NoiseByRate: "noise with a model of its own for every sampling rate",
-    ProcessNoise: "random forces on the fish on top of white noise",
+NOISE_WORDS = {
+    "DifferentiationNoise": "noise of differentiated positions",
+    "ErrorsInVariables": "noise with errors of the measured joint angles",
+    "GaussMarkov": "Gauss-Markov noise on top of white noise",
+    "NoiseByRate": "noise with a model of its own for every sampling rate",
+    "ProcessNoise": "random forces on the fish on top of white noise",
 }
 
 
@@ -48,7 +40,7 @@ class Methods:
     references: dict[str, str]
 
 
-def methods(diagnosis: Diagnosis) -> Methods:
+def methods(diagnosis: DiagnosisData) -> Methods:
     """Return the methods of a diagnosis.
 
     Numbers are those of this diagnosis; what was not done is not said.
@@ -59,34 +51,34 @@ def methods(diagnosis: Diagnosis) -> Methods:
     return Methods(paragraphs, cited)
 
 
-def noise_words(noise: Noise) -> str:
-    """Return the kind of a noise model in words."""
-    if isinstance(noise, Autoregressive):
-        return f"autoregressive noise of order {noise.order}" if noise.order else "white noise"
-    return NOISE_WORDS[type(noise)]
+def noise_words(noise: Mapping[str, Any]) -> str:
+    """Return the kind of a noise model, as plain data, in words."""
+    if noise["kind"] == "Autoregressive":
+        order = len(noise["phi"][0])
+        return f"autoregressive noise of order {order}" if order else "white noise"
+    return NOISE_WORDS[noise["kind"]]
 
 
-def _data(diagnosis: Diagnosis) -> Iterable[str]:
-    fish, fitted = diagnosis.dataset.fish, [o for o in diagnosis.overlays if not o.held_out]
+def _data(diagnosis: DiagnosisData) -> Iterable[str]:
+    setup, fitted = diagnosis.setup, [o for o in diagnosis.overlays if not o.held_out]
     samples = sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
     held = [overlay.trial.name for overlay in diagnosis.overlays if overlay.held_out]
     fits = f"{len(fitted)} {'was' if len(fitted) == 1 else 'were'} fitted"
     kept = f"{fits}, and held out: {', '.join(held)}" if held else "all were fitted"
     yield (
-        f"The dataset {diagnosis.dataset.name} has {len(diagnosis.overlays)} trials of the fish {fish.name} with "
+        f"The dataset {setup.dataset} has {len(diagnosis.overlays)} trials of the fish {setup.fish} with "
         f"{samples} samples; {kept}."
     )
     yield (
-        f"The nominal model is the planar chain of {len(fish.links)} links of [Yu2016], with Morison forces "
+        f"The nominal model is the planar chain of {setup.links} links of [Yu2016], with Morison forces "
         f"on strips, integrated at a step of {number(diagnosis.fits[0].step, 2)} s."
     )
     yield (
-        f"Its {len(diagnosis.nominal)} parameters were fitted by maximum likelihood under "
-        f"{noise_words(diagnosis.problem.noise)}."
+        f"Its {len(diagnosis.nominal)} parameters were fitted by maximum likelihood under {noise_words(setup.noise)}."
     )
 
 
-def _tests(diagnosis: Diagnosis) -> Iterable[str]:
+def _tests(diagnosis: DiagnosisData) -> Iterable[str]:
     tried = [candidate for candidate in diagnosis.candidates if candidate.applicable]
     refitted = sum(candidate.row is not None for candidate in tried)
     p = p_value(diagnosis.p_wrong)
@@ -104,9 +96,9 @@ def _tests(diagnosis: Diagnosis) -> Iterable[str]:
         )
 
 
-def _causes(diagnosis: Diagnosis) -> Iterable[str]:
+def _causes(diagnosis: DiagnosisData) -> Iterable[str]:
     for cause in diagnosis.causes:
-        effect = diagnosis.effects.get(cause.name)
+        effect = diagnosis.setup.causes.get(cause.name)
         if effect is not None:
             yield f"{cause.name}: {cause.summary} ({effect.source})."
         if effect is not None and effect.learned:
@@ -120,7 +112,7 @@ def _causes(diagnosis: Diagnosis) -> Iterable[str]:
         yield f"Estimates: {'; '.join(sizes)}."
 
 
-def _held_out(diagnosis: Diagnosis) -> Iterable[str]:
+def _held_out(diagnosis: DiagnosisData) -> Iterable[str]:
     if (gain := diagnosis.gain) is not None and diagnosis.best:
         yield (
             f"On the held-out trials the root-mean-square error, in shares of the range of each channel, is "
@@ -130,7 +122,7 @@ def _held_out(diagnosis: Diagnosis) -> Iterable[str]:
         )
 
 
-def _rest(diagnosis: Diagnosis) -> Iterable[str]:
+def _rest(diagnosis: DiagnosisData) -> Iterable[str]:
     yield "From which size on mechanisms are told from one another follows from their signatures [Eriksson2013]."
     if diagnosis.force:
         yield "The missing force was estimated by a Kalman smoother [Rauch1965]."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,23 @@ def render(template: str, **view: Any) -> str:
         view: what the template may use. It also has the formats of `mjfish.reporting.words` as filters, and ``themed``,
             which turns a figure into data for plotly.js.
     """
-    return _environment().get_template(template).render(view, plotly_js=Markup(get_plotlyjs()), colours=COLOURS)  # noqa: S704
+    return _environment().get_template(template).render(view, plotly_js=Markup(plotly_js()), colours=COLOURS)  # noqa: S704
+
+
+@functools.cache
+def plotly_js() -> str:
+    """Return plotly.js without the addresses from which it would load maps, of which no figure here has one."""
+    return re.sub(r"https://[\w.]*(cdn|tiles)\b[^\"'`)]*|https://[\w.]*cdn\.com[^\"'`)]*", "", str(get_plotlyjs()))
+
+
+class Shown(go.Figure):  # type: ignore[misc]  # plotly has no types
+    """A figure that a notebook shows without a network: plotly's own way asks for another library there."""
+
+    _ipython_display_ = None  # it would come first
+
+    def _repr_mimebundle_(self, *_: Any, **__: Any) -> dict[str, Any]:
+        drawn = str(self.to_html(full_html=False, include_plotlyjs=False))
+        return {"text/html": f"<script>{plotly_js()}</script>{drawn}"}
 
 
 def themed(figure: go.Figure) -> Any:

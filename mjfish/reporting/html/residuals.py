@@ -8,8 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis import Diagnosis, Overlay
-from mjfish.estimation.omnibus import beat_phase
+from mjfish.diagnosis import DiagnosisData, Overlay
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 from mjfish.reporting.words import CHANNEL_NAMES
@@ -22,19 +21,18 @@ BINS = 24
 SPEEDS = 12
 
 
-def beat_figure(diagnosis: Diagnosis) -> go.Figure:
+def beat_figure(diagnosis: DiagnosisData) -> go.Figure:
     """Return the mean residual of the models over the beat of the last joint, one panel a channel.
 
     Of the held-out trials, or of all where none is held out; bands are two standard errors of the mean wide on each
     side.
     """
-    cpg = diagnosis.nominal_model.fish.cpg
-    phase = np.concatenate([beat_phase(cpg, overlay.trial) for overlay in _shown(diagnosis)]) / (2.0 * np.pi)
+    phase = np.concatenate([overlay.phase for overlay in _shown(diagnosis)]) / (2.0 * np.pi)
     figure = _mean_figure(diagnosis, by_phase(phase), (np.arange(BINS) + 0.5) / BINS)
     return figure.update_xaxes(title_text="phase [beats]", range=[0, 1])
 
 
-def speed_figure(diagnosis: Diagnosis) -> go.Figure:
+def speed_figure(diagnosis: DiagnosisData) -> go.Figure:
     """Return the mean residual of the models over the surge that the nominal model has, as `beat_figure` does.
 
     Each of `SPEEDS` bins has as many samples. The measured surge is no axis: its noise is in the residual, too.
@@ -76,11 +74,11 @@ def binned(index: NDArray[np.int_], residual: FloatArray, bins: int) -> tuple[Fl
     return mean, error
 
 
-def _shown(diagnosis: Diagnosis) -> list[Overlay]:
+def _shown(diagnosis: DiagnosisData) -> list[Overlay]:
     return [overlay for overlay in diagnosis.overlays if overlay.held_out] or list(diagnosis.overlays)
 
 
-def _mean_figure(diagnosis: Diagnosis, index: NDArray[np.int_], centre: FloatArray) -> go.Figure:
+def _mean_figure(diagnosis: DiagnosisData, index: NDArray[np.int_], centre: FloatArray) -> go.Figure:
     overlays = _shown(diagnosis)
     predicted = [scored_predictions(diagnosis, overlay) for overlay in overlays]
     figure = panels(1, len(CHANNELS), height=270, horizontal_spacing=0.08)

@@ -16,7 +16,7 @@ from mjfish.comparison import Comparison
 from mjfish.data import Dataset
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.design import Plan
-from mjfish.diagnosis import Diagnosis, Splits
+from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.frames import CHANNELS, UNITS
@@ -52,7 +52,7 @@ def figure(result: Any) -> go.Figure:
 
 
 @figure.register
-def _(result: Diagnosis) -> go.Figure:
+def _(result: DiagnosisData) -> go.Figure:
     """Draw a held-out trial, or else the first one, as measured and as the models predict it."""
     return overlay_figure(result, max(result.overlays, key=lambda overlay: overlay.held_out))
 
@@ -184,7 +184,7 @@ def write_report(result: Any, path: Path) -> None:
 
 
 @write_report.register
-def _(result: Diagnosis, path: Path) -> None:
+def _(result: DiagnosisData, path: Path) -> None:
     write_diagnosis(result, path)
 
 

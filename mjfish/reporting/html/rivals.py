@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.table import Row
 from mjfish.reporting.titles import cause_title
 
@@ -26,7 +26,7 @@ class Rival:
     row: Row | None
 
 
-def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
+def rivals(diagnosis: DiagnosisData) -> tuple[Rival, ...]:
     """Return the sets that stay, where there are several and none is named; the one that is drawn first."""
     if diagnosis.verdict != "cannot_tell" or len(diagnosis.alternatives) < 2:
         return ()
@@ -34,7 +34,7 @@ def rivals(diagnosis: Diagnosis) -> tuple[Rival, ...]:
     every = (
         Rival(
             names=names,
-            titles=tuple(cause_title(name, diagnosis.effects) for name in names),
+            titles=tuple(cause_title(name, diagnosis.setup.causes) for name in names),
             drawn=frozenset(names) == frozenset(diagnosis.best),
             row=rows.get(frozenset(names)),
         )

@@ -8,8 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from mjfish.arrays import FloatArray
-from mjfish.diagnosis import Diagnosis, Overlay
-from mjfish.estimation.omnibus import beat_phase
+from mjfish.diagnosis import DiagnosisData, Overlay
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 from mjfish.reporting.words import CHANNEL_NAMES
@@ -45,7 +44,7 @@ class WorstStretch:
         )
 
 
-def worst_stretch(diagnosis: Diagnosis) -> WorstStretch:
+def worst_stretch(diagnosis: DiagnosisData) -> WorstStretch:
     """Return the beats with the largest root mean square of the nominal error, as a share of the channel's range.
 
     They are of held-out trials, or of any where none is held out.
@@ -55,7 +54,7 @@ def worst_stretch(diagnosis: Diagnosis) -> WorstStretch:
     return max(found, key=lambda pair: pair[0])[1]
 
 
-def stretch_figure(diagnosis: Diagnosis, stretch: WorstStretch) -> go.Figure:
+def stretch_figure(diagnosis: DiagnosisData, stretch: WorstStretch) -> go.Figure:
     """Return the stretch as measured and as the models predict it."""
     trial, k = stretch.overlay.trial, CHANNELS.index(stretch.channel)
     window = slice(stretch.first, stretch.last)
@@ -68,11 +67,11 @@ def stretch_figure(diagnosis: Diagnosis, stretch: WorstStretch) -> go.Figure:
     return figure.update_xaxes(title_text="time [s]")
 
 
-def _worst(diagnosis: Diagnosis, overlay: Overlay, k: int) -> tuple[float, WorstStretch]:
+def _worst(diagnosis: DiagnosisData, overlay: Overlay, k: int) -> tuple[float, WorstStretch]:
     """Return the mean square error, by the range of the channel, of the worst stretch of a channel; and the stretch."""
     measured = overlay.trial.velocity[:, k]
     error = measured - scored_predictions(diagnosis, overlay)["nominal"][:, k]
-    length = _samples(diagnosis, overlay)
+    length = _samples(overlay)
     seen = measured[np.isfinite(measured)]
     width = max(float(np.ptp(seen)), 1e-12) if len(seen) else np.inf
     means = _running_mean(np.where(np.isfinite(error), error / width, 0.0) ** 2, length)
@@ -80,10 +79,9 @@ def _worst(diagnosis: Diagnosis, overlay: Overlay, k: int) -> tuple[float, Worst
     return float(means[first]), WorstStretch(overlay, CHANNELS[k], first, first + length)
 
 
-def _samples(diagnosis: Diagnosis, overlay: Overlay) -> int:
+def _samples(overlay: Overlay) -> int:
     """Return how many samples `_BEATS` beats of a trial have; all of a shorter one."""
-    phase = beat_phase(diagnosis.nominal_model.fish.cpg, overlay.trial)
-    beats = abs(float(phase[-1] - phase[0])) / (2.0 * np.pi)
+    beats = abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
     count = len(overlay.trial.time)
     return min(count, max(int(np.ceil(count * _BEATS / max(beats, 1e-9))), 2))
 
