@@ -322,7 +322,7 @@ def fit(
     loss: Loss = "linear",
     loss_scale: float = 1.0,
 ) -> Fit:
-    """Minimise the sum of squared whitened residuals within the bounds (`mjfish.estimation.fit`).
+    """Minimise the sum of squared whitened residuals within the bounds (`minimise`).
 
     Args:
         problem: the residuals.

@@ -208,7 +208,7 @@ class Stability:
         alpha: probability of calling a stable model unstable.
         text: the same in words.
         scatter: standard deviation of each coefficient from trial to trial, beyond the error of its estimates by trial
-            (`mjfish.estimation.stability`); empty where there is nothing to compare.
+            (`scatter`); empty where there is nothing to compare.
     """
 
     statistic: float

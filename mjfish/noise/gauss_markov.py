@@ -79,7 +79,7 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
 
     Args:
         left: the residuals.
-        kept: (bands, 3) which share of the noise's power they have (`mjfish.noise.sample.kept`).
+        kept: (bands, 3) which share of the noise's power they have (`mjfish.noise.sample.remaining_power`).
     """
     seen = spectrum(left)
     spread = np.sqrt(np.mean(np.concatenate([block**2 for block in left.residuals]), axis=0))
