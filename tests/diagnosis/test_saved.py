@@ -114,9 +114,9 @@ def _signed(content: dict[str, Any]) -> dict[str, Any]:
 
 
 SLIPS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
-    "a list": (lambda _: [], "is no diagnosis, expected the JSON of one"),
+    "a list": (lambda _: [], "is no diagnosis, expected one of schema 5"),
     "another kind of result": (lambda _: {"schema": 5, "status": "ok"}, "is no diagnosis"),
-    "an older version": (lambda told: {**told, "schema": 4}, "has the schema 4, expected 5"),
+    "an older version": (lambda told: {**told, "schema": 4}, "has the schema 4, expected one of schema 5"),
     "a changed field": (lambda told: {**told, "message": "x"}, "its content does not fit its hash"),
     "a field less": (lambda told: _signed({k: v for k, v in told.items() if k != "fits"}), "KeyError.'fits'"),
     "a field of another type": (lambda told: _signed({**told, "causes": 3}), "has other keys than expected"),
