@@ -105,7 +105,8 @@ def test_what_the_system_says_of_a_file_is_bad_input(tmp_path: Path) -> None:
 #: Public functions, and what they need beside their first argument.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "check": {}, "compare": {"against": []}, "diagnose": {}, "generate": {"modes": []}, "identify": {}, "inspect": {},
-    "load_dataset": {}, "load_fish": {}, "new_fish": {"length": 1.0, "mass": 1.0, "joints": 1, "height": 0.1},
+    "load_dataset": {}, "load_diagnosis": {}, "load_fish": {},
+    "new_fish": {"length": 1.0, "mass": 1.0, "joints": 1, "height": 0.1},
     "plan": {}, "sample": {}, "simulate": {},
 }  # fmt: skip
 

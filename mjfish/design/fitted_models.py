@@ -78,8 +78,8 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
-        question, fits = _open_question(diagnosis), _by_causes(diagnosis)
-        return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, question, fits)
+        fits = {model.causes: model for model in diagnosis.fits}
+        return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, _open_question(diagnosis), fits)
 
     @property
     def everything(self) -> Problem:
@@ -162,13 +162,9 @@ def load_fitted_models(path: str | Path, dataset: Dataset, *, effects: Causes = 
         smoothing = restored_filter(compared["smoothing"])
         problem = replace(known.problem, trials=fitted, slope_step=compared["slope_step"], smoothing=smoothing)
         problem = replace(problem, noise=restore(compared["noise"], problem, found.fits[0].values))
-        return replace(known, problem=problem, question=_open_question(found), fits=_by_causes(found))
+        return replace(known, problem=problem, question=_open_question(found), fits={m.causes: m for m in found.fits})
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(f"{path}: is of other runs than those of '{dataset.name}': {error}; diagnose them") from None
-
-
-def _by_causes(diagnosis: DiagnosisData) -> dict[tuple[str, ...], FittedModel]:
-    return {model.causes: model for model in diagnosis.fits}
 
 
 @dataclass(frozen=True, eq=False)

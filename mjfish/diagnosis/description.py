@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from mjfish.arrays import FloatArray
 from mjfish.compiled import merged
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.effects.effect import Effect, variant
-from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Problem
 from mjfish.hydro.load import Load, load
 from mjfish.parameter import Parameter
@@ -56,10 +55,10 @@ def _yaw_load(link: Any, p: Any) -> tuple[float, float, float]:
 class _Term(Effect):
     """Forces on every link per length; not in the catalogue, for it names no cause."""
 
-    domain: ClassVar[Domain] = "water"
-    source: ClassVar[str] = "a description, not a physics"
-    signature: ClassVar[str] = "that of its terms"
-    confirm: ClassVar[str] = "find the cause"
+    domain = "water"
+    source = "a description, not a physics"
+    signature = "that of its terms"
+    confirm = "find the cause"
 
 
 def _term(name: str, summary: str, of: Load) -> Effect:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from mjfish.effects.beat_amplitude import keulegan_carpenter
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.momentum_rate import added_mass_excess
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -33,19 +32,17 @@ class AddedMassAmplitude(Effect):
     acts as a force, through lags of 9 ms (see `mjfish.effects.momentum_rate`).
     """
 
-    name: ClassVar[str] = "added_mass_amplitude"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "added_mass"
-    summary: ClassVar[str] = "the added mass falls with the amplitude of the beat"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "added_mass_amplitude", "water", "added_mass"
+    summary = "the added mass falls with the amplitude of the beat"
+    parameters = (
         Parameter("added_mass_amplitude.loss", "-", 0.0, -1.0, 0.75, 0.0, 0.1, about="a, of a link that beats far"),
         Parameter("added_mass_amplitude.half", "-", 5.0, 1.0, 20.0, 5.0, 1.0, about="K, KC of half of it", shape=True),
     )
-    source: ClassVar[str] = (
+    source = (
         "Keulegan and Carpenter, J. Res. Nat. Bur. Standards 60 (1958); Sarpkaya, J. Fluids Eng. 98 (1976): cylinders"
     )
-    signature: ClassVar[str] = "links that beat far, and turns, are lighter than a start from rest and than slow beats"
-    confirm: ClassVar[str] = "swing the held fish in water at several amplitudes and measure the force at the turns"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
-    load: ClassVar[Load | None] = _excess
+    signature = "links that beat far, and turns, are lighter than a start from rest and than slow beats"
+    confirm = "swing the held fish in water at several amplitudes and measure the force at the turns"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
+    load = _excess

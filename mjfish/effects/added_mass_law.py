@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from mjfish.effects.beat_amplitude import keulegan_carpenter
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.momentum_rate import added_mass_excess
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.spline import spline
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior, smooth_curve
@@ -41,27 +40,23 @@ class AddedMassLaw(Effect):
     is one with that of c_m; at one value of all knots it is another c_m.
     """
 
-    name: ClassVar[str] = "added_mass_law"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "added_mass"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the added mass goes with the amplitude of the beat, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+    name, domain, mechanism = "added_mass_law", "water", "added_mass"
+    learned = True
+    summary = "the added mass goes with the amplitude of the beat, learned"
+    parameters = tuple(
         Parameter(
             f"added_mass_law.{_name(k)}", "-", 0.0, _LOW, _HIGH, 0.0, 0.1, about=f"ln c_m near KC {_FIRST * 2**k:g}"
         )
         for k in range(_KNOTS)
     )
-    source: ClassVar[str] = (
+    source = (
         "Sarpkaya, J. Fluids Eng. 98 (1976): inertia by KC; Eilers and Marx, Statistical Science 11 (1996): splines"
     )
-    signature: ClassVar[str] = (
-        "links that beat far are lighter or heavier than those that beat little, and than a start"
-    )
-    confirm: ClassVar[str] = "swing the held fish in water at several amplitudes and measure the force at the turns"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start", "design-short")
-    load: ClassVar[Load | None] = _excess
+    signature = "links that beat far are lighter or heavier than those that beat little, and than a start"
+    confirm = "swing the held fish in water at several amplitudes and measure the force at the turns"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles = ("design-no-start", "design-short")
+    load = _excess
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return the curve at the numbers of a formula; a section's height is one with the level."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -31,17 +30,15 @@ class AddedMassMemory(Effect):
     sections that shed vortices it depends on the frequency (Cummins's equation has its kernel).
     """
 
-    name: ClassVar[str] = "added_mass_memory"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "wake_memory"
-    summary: ClassVar[str] = "the added mass follows the motion late: the water remembers"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "added_mass_memory", "water", "wake_memory"
+    summary = "the added mass follows the motion late: the water remembers"
+    parameters = (
         Parameter("added_mass_memory.share", "-", 0.0, -1.0, 2.0, 0.0, 0.2, about="psi, excess of slow motion"),
         Parameter("added_mass_memory.time", "s", 0.15, 0.02, 1.0, 0.15, 0.05, about="tau, of the lag", shape=True),
     )
-    source: ClassVar[str] = "Cummins, Schiffstechnik 9 (1962): impulse response of the added mass"
-    signature: ClassVar[str] = "the beat's sway and yaw rate have another phase, by frequency; start-ups overshoot"
-    confirm: ClassVar[str] = "hold the fish, swing one joint at several frequencies and measure force and phase"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
-    load: ClassVar[Load | None] = _late
+    source = "Cummins, Schiffstechnik 9 (1962): impulse response of the added mass"
+    signature = "the beat's sway and yaw rate have another phase, by frequency; start-ups overshoot"
+    confirm = "hold the fish, swing one joint at several frequencies and measure force and phase"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
+    load = _late

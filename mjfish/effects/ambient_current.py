@@ -9,9 +9,8 @@ import numpy as np
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
-from mjfish.effects.calibration import DRIFT, Calibration
+from mjfish.effects.calibration import DRIFT
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.place import begun_at, heading_known
 from mjfish.parameter import Parameter
 
@@ -26,10 +25,8 @@ class AmbientCurrent(Effect):
         V_relative(0) = -h R(yaw(0))^T c,   h = 0 adrift, 1 held.
     """
 
-    name: ClassVar[str] = "ambient_current"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "current"
-    summary: ClassVar[str] = "the water in the tank moves"
+    name, domain, mechanism = "ambient_current", "water", "current"
+    summary = "the water in the tank moves"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("ambient_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x"),
         Parameter("ambient_current.y", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world y"),
@@ -37,12 +34,12 @@ class AmbientCurrent(Effect):
             "ambient_current.held", "-", 0.0, 0.0, 1.0, 0.5, 0.1, about="0 adrift at the start, 1 held", shape=True
         ),
     )
-    source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
-    signature: ClassVar[str] = "an offset of surge and sway that turns with the heading; it is there at rest too"
-    confirm: ClassVar[str] = "let the fish drift without drive, or swim the same run in the opposite heading"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=None, part="everywhere")
-    calibration: ClassVar[Calibration | None] = DRIFT
-    resembles: ClassVar[tuple[str, ...]] = ("compatibility-bias", "design-no-turn", "start-offset")
+    source = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 8.3"
+    signature = "an offset of surge and sway that turns with the heading; it is there at rest too"
+    confirm = "let the fish drift without drive, or swim the same run in the opposite heading"
+    fingerprint = Fingerprint(exponent=-1.0, odd=None, part="everywhere")
+    calibration = DRIFT
+    resembles = ("compatibility-bias", "design-no-turn", "start-offset")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A current needs the heading in the world: from rest it starts at 0, else it must be measured."""

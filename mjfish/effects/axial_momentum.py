@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -24,16 +23,14 @@ class AxialMomentum(Effect):
     In an ideal fluid psi = 0; a wake that carries momentum away leaves less.
     """
 
-    name: ClassVar[str] = "axial_momentum"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "reactive_force"
-    summary: ClassVar[str] = "the added momentum pushes turning links along by another share"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "axial_momentum", "water", "reactive_force"
+    summary = "the added momentum pushes turning links along by another share"
+    parameters = (
         Parameter("axial_momentum.share", "-", 0.0, -1.0, 2.0, 0.0, 0.2, about="psi, excess of the axial force"),
     )
-    source: ClassVar[str] = "Lamb, Hydrodynamics (1932), art. 124: Kirchhoff's equations"
-    signature: ClassVar[str] = "thrust is off by a share, most where the joints bend far; sway and yaw rate hardly"
-    confirm: ClassVar[str] = "hold the fish, beat, and measure the thrust at several amplitudes"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _force
+    source = "Lamb, Hydrodynamics (1932), art. 124: Kirchhoff's equations"
+    signature = "thrust is off by a share, most where the joints bend far; sway and yaw rate hardly"
+    confirm = "hold the fish, beat, and measure the thrust at several amplitudes"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _force

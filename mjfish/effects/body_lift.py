@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
@@ -30,16 +29,12 @@ class BodyLift(Effect):
     The linear part of the normal force of a body at a small angle of attack; the crossflow drag is the quadratic part.
     """
 
-    name: ClassVar[str] = "body_lift"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "lift"
-    summary: ClassVar[str] = "the body has lift"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("body_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the normal force"),
-    )
-    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 19: streamline bodies"
-    signature: ClassVar[str] = "sway and yaw rate of the beat are damped, more so the faster it swims; little at rest"
-    confirm: ClassVar[str] = "tow the stretched fish at small angles and measure its side force against the angle"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _lift
+    name, domain, mechanism = "body_lift", "water", "lift"
+    summary = "the body has lift"
+    parameters = (Parameter("body_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the normal force"),)
+    source = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 19: streamline bodies"
+    signature = "sway and yaw rate of the beat are damped, more so the faster it swims; little at rest"
+    confirm = "tow the stretched fish at small angles and measure its side force against the angle"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _lift

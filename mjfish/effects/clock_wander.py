@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.walk import count, walked
 from mjfish.effects.effect import Effect, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -23,18 +20,18 @@ class ClockWander(Effect):
     the seed of the walk; `generate` draws one for every run.
     """
 
-    name: ClassVar[str] = "clock_wander"
-    domain: ClassVar[Domain] = "drive"
-    random: ClassVar[bool] = True
-    summary: ClassVar[str] = "the clock of the drive wanders at random"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "clock_wander"
+    domain = "drive"
+    random = True
+    summary = "the clock of the drive wanders at random"
+    parameters = (
         Parameter("clock_wander.size", "s^0.5", 0.0, 0.0, 0.3, 0.0, 0.005, about="rms of w after a second"),
         Parameter("clock_wander.draw", "-", 0.0, 0.0, 2.0**31, 0.0, 1.0, about="which walk", shape=True),
     )
-    source: ClassVar[str] = "Demir, Mehrotra and Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000): phase noise"
-    signature: ClassVar[str] = "the phase of the beat moves to and fro within a run, otherwise in every run"
-    confirm: ClassVar[str] = "log the command with the time stamps of the camera, or blink a light with every beat"
-    resembles: ClassVar[tuple[str, ...]] = ("clock-drift", "clock-jump", "repeats-differ")
+    source = "Demir, Mehrotra and Roychowdhury, IEEE Trans. Circuits Syst. I 47 (2000): phase noise"
+    signature = "the phase of the beat moves to and fro within a run, otherwise in every run"
+    confirm = "log the command with the time stamps of the camera, or blink a light with every beat"
+    resembles = ("clock-drift", "clock-jump", "repeats-differ")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Velocities show it."""

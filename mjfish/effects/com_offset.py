@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.data import Dataset
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
-from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -28,15 +25,13 @@ class ComOffset(Effect):
     m (c + shift), its inertia I + m (c + shift)^2.
     """
 
-    name: ClassVar[str] = "com_offset"
-    domain: ClassVar[Domain] = "body"
-    mechanism: ClassVar[str] = "mass_distribution"
-    summary: ClassVar[str] = "the head's centre of mass is elsewhere"
-    parameters: ClassVar[tuple[Parameter, ...]] = (_shift(0.08, 0.005),)
-    source: ClassVar[str] = "parallel-axis theorem (Steiner); [Yu2016] eq. (6): moment of mass m c of a link"
-    signature: ClassVar[str] = "sway and yaw rate within the beat shift against each other, alike at every frequency"
-    confirm: ClassVar[str] = "balance the head on an edge and read its centre of mass"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    name, domain, mechanism = "com_offset", "body", "mass_distribution"
+    summary = "the head's centre of mass is elsewhere"
+    parameters = (_shift(0.08, 0.005),)
+    source = "parallel-axis theorem (Steiner); [Yu2016] eq. (6): moment of mass m c of a link"
+    signature = "sway and yaw rate within the beat shift against each other, alike at every frequency"
+    confirm = "balance the head on an edge and read its centre of mass"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
 
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect | None:

@@ -10,13 +10,12 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.compiled import merged
 from mjfish.data import Trial
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.exponential_drag import VISCOSITY
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED
 from mjfish.fish import Fish
-from mjfish.hydro.load import PARAMETERS, Load, load
+from mjfish.hydro.load import PARAMETERS, load
 from mjfish.hydro.outline import outlines
 from mjfish.hydro.spline import spline, spline_slope, spline_weights
 from mjfish.parameter import Parameter
@@ -153,25 +152,23 @@ class DragLaw(Effect):
     Reynolds number of the section. Drag takes power whatever g is, as c stays positive.
     """
 
-    name: ClassVar[str] = "drag_law"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "drag coefficients are another function of the speed, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "drag_law", "water", "drag_law"
+    learned = True
+    summary = "drag coefficients are another function of the speed, learned"
+    parameters = (
         Parameter("drag_law.whole_across", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b of c_d", shape=True),
         Parameter("drag_law.whole_along", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="b of c_f", shape=True),
         Parameter("drag_law.height", "-", 0.2, 0.0, 1.0, 0.2, 0.2, about="p, power of the local height", shape=True),
         *_values("across", _KNOTS_D, _BELOW_D, "c_d"),
         *_values("along", _KNOTS_F, _BELOW_F, "c_f"),
     )
-    source: ClassVar[str] = "Eilers and Marx, Statistical Science 11 (1996): penalised splines"
-    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
-    confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short", "design-one-frequency")
-    load: ClassVar[Load | None] = _excess
+    source = "Eilers and Marx, Statistical Science 11 (1996): penalised splines"
+    signature = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
+    confirm = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-short", "design-one-frequency")
+    load = _excess
     reference: ClassVar[tuple[float, float]] = (0.3, 0.1)  # speed [m/s] and height [m]
 
     @classmethod

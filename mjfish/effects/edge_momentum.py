@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
@@ -37,16 +36,14 @@ class EdgeMomentum(Effect):
     [Lighthill1971] J. Lighthill, Large-amplitude elongated-body theory of fish locomotion, Proc. R. Soc. B 179.
     """
 
-    name: ClassVar[str] = "edge_momentum"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "reactive_force"
-    summary: ClassVar[str] = "the trailing edge sheds momentum into the wake"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "edge_momentum", "water", "reactive_force"
+    summary = "the trailing edge sheds momentum into the wake"
+    parameters = (
         Parameter("edge_momentum.share", "-", 0.0, -0.5, 2.0, 0.0, 0.05, about="psi, of the momentum that is shed"),
     )
-    source: ClassVar[str] = "Lighthill, Proc. R. Soc. B 179 (1971): elongated-body theory of large amplitude"
-    signature: ClassVar[str] = "thrust and sway of the beat; side force of the tail grows with forward speed"
-    confirm: ClassVar[str] = "tow the fish while it beats, and measure its side force against the speed"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _shed
+    source = "Lighthill, Proc. R. Soc. B 179 (1971): elongated-body theory of large amplitude"
+    signature = "thrust and sway of the beat; side force of the tail grows with forward speed"
+    confirm = "tow the fish while it beats, and measure its side force against the speed"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _shed

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 #: Kinematic viscosity of water at 20 C [m2/s].
@@ -47,20 +46,18 @@ class ExponentialDrag(Effect):
     V is the whole speed of a strip and h its height; `friction` is a for c_f, `pressure` for c_d.
     """
 
-    name: ClassVar[str] = "exponential_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "drag coefficients fall exponentially with the Reynolds number"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "exponential_drag", "water", "drag_law"
+    summary = "drag coefficients fall exponentially with the Reynolds number"
+    parameters = (
         Parameter("exponential_drag.friction", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_f at rest"),
         Parameter("exponential_drag.pressure", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_d at rest"),
         Parameter("exponential_drag.reynolds", "1e3", 30.0, 1.0, 300.0, 30.0, 10.0, about="Re_0", shape=True),
     )
-    source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), ch. 3: drag of bluff sections against Reynolds number"
-    signature: ClassVar[str] = "too slow at low beat frequency and at start-ups, right where it swims fast"
-    confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    source = "Hoerner, Fluid-Dynamic Drag (1965), ch. 3: drag of bluff sections against Reynolds number"
+    signature = "too slow at low beat frequency and at start-ups, right where it swims fast"
+    confirm = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
     #: The exponent is that of the default Re_0; the smaller Re_0, the steeper.
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-2.5, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
-    load: ClassVar[Load | None] = _excess
+    fingerprint = Fingerprint(exponent=-2.5, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-short",)
+    load = _excess

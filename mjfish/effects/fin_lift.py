@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
@@ -33,16 +32,12 @@ class FinLift(Effect):
     is their cross term in the speed along and across.
     """
 
-    name: ClassVar[str] = "fin_lift"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "lift"
-    summary: ClassVar[str] = "the caudal fin has circulatory lift"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("fin_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift coefficient"),
-    )
-    source: ClassVar[str] = "Katz, Plotkin, Low-Speed Aerodynamics (2001), ch. 5 and sec. 13.8: thin foil, quasi-steady"
-    signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"
-    confirm: ClassVar[str] = "hold the fin at small angles in a stream and measure its side force against the angle"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _lift
+    name, domain, mechanism = "fin_lift", "water", "lift"
+    summary = "the caudal fin has circulatory lift"
+    parameters = (Parameter("fin_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift coefficient"),)
+    source = "Katz, Plotkin, Low-Speed Aerodynamics (2001), ch. 5 and sec. 13.8: thin foil, quasi-steady"
+    signature = "sway and yaw rate of the beat, growing with forward speed; little at rest"
+    confirm = "hold the fin at small angles in a stream and measure its side force against the angle"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _lift

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -23,20 +20,16 @@ class FrameMisalignment(Effect):
     large, and the places are right.
     """
 
-    name: ClassVar[str] = "frame_misalignment"
-    domain: ClassVar[Domain] = "data"
-    mechanism: ClassVar[str] = "camera_axes"
-    summary: ClassVar[str] = "the axis taken for the fish's is turned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "frame_misalignment", "data", "camera_axes"
+    summary = "the axis taken for the fish's is turned"
+    parameters = (
         Parameter("frame_misalignment.angle", "rad", 0.0, -0.5, 0.5, 0.0, 0.01, about="of the recorded axis, to port"),
     )
-    source: ClassVar[str] = (
-        "Misalignment of a sensor: Groves, Principles of GNSS and Inertial Navigation (2013), sec. 4.4"
-    )
-    signature: ClassVar[str] = "a constant share of the forward speed shows up as sway, to the same side in every run"
-    confirm: ClassVar[str] = "push the stretched fish along a straight rail in the camera's view"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=True, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("compatibility-derived", "compatibility-rotation", "design-no-turn")
+    source = "Misalignment of a sensor: Groves, Principles of GNSS and Inertial Navigation (2013), sec. 4.4"
+    signature = "a constant share of the forward speed shows up as sway, to the same side in every run"
+    confirm = "push the stretched fish along a straight rail in the camera's view"
+    fingerprint = Fingerprint(exponent=0.0, odd=True, part="everywhere")
+    resembles = ("compatibility-derived", "compatibility-rotation", "design-no-turn")
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Turn the translations."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -17,18 +14,16 @@ class InertiaError(Effect):
     have the same error, since they come from the same drawing; what shows is mostly that of the heaviest link.
     """
 
-    name: ClassVar[str] = "inertia_error"
-    domain: ClassVar[Domain] = "body"
-    mechanism: ClassVar[str] = "mass_distribution"
-    summary: ClassVar[str] = "the yaw inertias of the links are off"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "inertia_error", "body", "mass_distribution"
+    summary = "the yaw inertias of the links are off"
+    parameters = (
         Parameter("inertia_error.error", "-", 0.0, -0.6, 1.5, 0.0, 0.05, about="relative error of all yaw inertias"),
     )
-    source: ClassVar[str] = "[Yu2016] Table I, whose head would need 95 % of its mass at its two ends"
-    signature: ClassVar[str] = "yaw rate and sway within the beat are too large or too small, alike at every frequency"
-    confirm: ClassVar[str] = "hang the head on two threads and time its swing about the vertical (bifilar pendulum)"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
+    source = "[Yu2016] Table I, whose head would need 95 % of its mass at its two ends"
+    signature = "yaw rate and sway within the beat are too large or too small, alike at every frequency"
+    confirm = "hang the head on two threads and time its swing about the vertical (bifilar pendulum)"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale every inertia."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
-from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -27,15 +24,13 @@ class JointZeroOffset(Effect):
     joints; `for_fish` has as many as the fish.
     """
 
-    name: ClassVar[str] = "joint_zero_offset"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "joint_zero"
-    summary: ClassVar[str] = "the joints are not straight where they are told to be"
-    parameters: ClassVar[tuple[Parameter, ...]] = _zeros(4)
-    source: ClassVar[str] = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
-    signature: ClassVar[str] = "the fish turns where it should swim straight, always to the same side"
-    confirm: ClassVar[str] = "command zero to all joints and photograph the fish from above"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=True, part="everywhere")
+    name, domain, mechanism = "joint_zero_offset", "drive", "joint_zero"
+    summary = "the joints are not straight where they are told to be"
+    parameters = _zeros(4)
+    source = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
+    signature = "the fish turns where it should swim straight, always to the same side"
+    confirm = "command zero to all joints and photograph the fish from above"
+    fingerprint = Fingerprint(exponent=0.0, odd=True, part="everywhere")
 
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:

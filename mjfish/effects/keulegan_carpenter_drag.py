@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import KC_0
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -56,19 +55,13 @@ class KeuleganCarpenterDrag(Effect):
     steady slip to the side is an amplitude of sqrt(2) tau v.
     """
 
-    name: ClassVar[str] = "keulegan_carpenter_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "drag across falls with the amplitude of the beat"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("keulegan_carpenter_drag.power", "-", 0.0, -1.0, 1.5, 0.0, 0.1, about="n, of KC / 3"),
-    )
-    source: ClassVar[str] = (
-        "Keulegan and Carpenter, J. Res. Nat. Bur. Standards 60 (1958); Graham, J. Fluid Mech. 97 (1980): plates"
-    )
-    signature: ClassVar[str] = "links that beat little, and the start of a run, have more drag across than the others"
-    confirm: ClassVar[str] = "swim at several amplitudes of the beat, or swing the held fish at several and measure it"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
-    load: ClassVar[Load | None] = _excess
+    name, domain, mechanism = "keulegan_carpenter_drag", "water", "drag_law"
+    summary = "drag across falls with the amplitude of the beat"
+    parameters = (Parameter("keulegan_carpenter_drag.power", "-", 0.0, -1.0, 1.5, 0.0, 0.1, about="n, of KC / 3"),)
+    source = "Keulegan and Carpenter, J. Res. Nat. Bur. Standards 60 (1958); Graham, J. Fluid Mech. 97 (1980): plates"
+    signature = "links that beat little, and the start of a run, have more drag across than the others"
+    confirm = "swim at several amplitudes of the beat, or swing the held fish at several and measure it"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-no-start",)
+    load = _excess

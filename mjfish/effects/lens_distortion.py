@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -21,19 +18,17 @@ class LensDistortion(Effect):
     place to be corrected at.
     """
 
-    name: ClassVar[str] = "lens_distortion"
-    domain: ClassVar[Domain] = "data"
-    mechanism: ClassVar[str] = "lens"
-    summary: ClassVar[str] = "the lens bends straight lines"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "lens_distortion", "data", "lens"
+    summary = "the lens bends straight lines"
+    parameters = (
         Parameter("lens_distortion.curvature", "1/m2", 0.0, -0.2, 0.2, 0.0, 0.005, about="k, of the radial distortion"),
         Parameter("lens_distortion.x", "m", 0.0, -20.0, 20.0, 0.0, 0.2, about="c, under the camera", shape=True),
         Parameter("lens_distortion.y", "m", 0.0, -20.0, 20.0, 0.0, 0.2, about="c, under the camera", shape=True),
     )
-    source: ClassVar[str] = "Brown, Photogrammetric Engineering 37 (1971): close-range camera calibration, k_1"
-    signature: ClassVar[str] = "paths are too long or too short by a share that grows with the distance from one point"
-    confirm: ClassVar[str] = "film a straight edge along the border of the image"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=None, part="everywhere")
+    source = "Brown, Photogrammetric Engineering 37 (1971): close-range camera calibration, k_1"
+    signature = "paths are too long or too short by a share that grows with the distance from one point"
+    confirm = "film a straight edge along the border of the image"
+    fingerprint = Fingerprint(exponent=0.0, odd=None, part="everywhere")
 
     def not_applicable(self, dataset: Dataset) -> str:
         """A lens acts on places."""

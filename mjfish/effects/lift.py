@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
@@ -48,12 +47,10 @@ class Lift(Effect):
     the place where its force acts and that of its velocity; the links of the body have a_1 and b, and such places.
     """
 
-    name: ClassVar[str] = "lift"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "lift"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "fin or body have lift, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "lift", "water", "lift"
+    learned = True
+    summary = "fin or body have lift, learned"
+    parameters = (
         Parameter("lift.fin_1", "-", 0.0, -8.0, 12.0, 0.0, 0.05, about="a_1 of the fin"),
         Parameter("lift.fin_2", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_2 of the fin"),
         Parameter("lift.fin_3", "-", 0.0, -8.0, 8.0, 0.0, 0.05, about="a_3 of the fin"),
@@ -65,12 +62,12 @@ class Lift(Effect):
         Parameter("lift.body_place", "-", 0.5, 0.0, 1.0, 0.5, 0.1, about="of a link's force, in chords", shape=True),
         Parameter("lift.body_downwash", "-", 0.5, 0.0, 1.0, 0.5, 0.1, about="of its velocity, in chords", shape=True),
     )
-    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3, 17 and 19"
-    signature: ClassVar[str] = "sway and yaw rate of the beat, growing with forward speed; little at rest"
-    confirm: ClassVar[str] = "hold the fin in a stream and measure its force along and across it against the angle"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _force
+    source = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3, 17 and 19"
+    signature = "sway and yaw rate of the beat, growing with forward speed; little at rest"
+    confirm = "hold the fin in a stream and measure its force along and across it against the angle"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _force
 
     def priors(self) -> tuple[Prior, ...]:
         """Slopes of lift are of the order of those of foils; further harmonics are smaller."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
@@ -32,18 +31,16 @@ class LinearDrag(Effect):
     at low speed: psi_f = 1.5 N s/m3 is the friction of c_f = 0.01 at 0.3 m/s, psi_d = 150 N s/m3 the drag of c_d = 1.
     """
 
-    name: ClassVar[str] = "linear_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "a viscous drag in proportion to the speed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "linear_drag", "water", "drag_law"
+    summary = "a viscous drag in proportion to the speed"
+    parameters = (
         Parameter("linear_drag.along", "N s/m3", 0.0, 0.0, 20.0, 0.0, 0.2, about="psi_f, per wetted area"),
         Parameter("linear_drag.across", "N s/m3", 0.0, 0.0, 1000.0, 0.0, 20.0, about="psi_d, per height and length"),
     )
-    source: ClassVar[str] = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 6.4"
-    signature: ClassVar[str] = "too slow at low frequency, less so at high; the error falls as one over frequency"
-    confirm: ClassVar[str] = "tow the stretched fish at low speeds: the force over the speed does not go to zero"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-1.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
-    load: ClassVar[Load | None] = _damping
+    source = "Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), sec. 6.4"
+    signature = "too slow at low frequency, less so at high; the error falls as one over frequency"
+    confirm = "tow the stretched fish at low speeds: the force over the speed does not go to zero"
+    fingerprint = Fingerprint(exponent=-1.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-short",)
+    load = _damping

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish import frames
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.known import Beforehand
 from mjfish.parameter import Parameter
 
@@ -28,26 +25,18 @@ class MarkerOffset(Effect):
     In straight swimming `along` keeps the glide reflection and `across` breaks it; the fingerprint leaves it open.
     """
 
-    name: ClassVar[str] = "marker_offset"
-    domain: ClassVar[Domain] = "data"
-    mechanism: ClassVar[str] = "tracked_point"
-    summary: ClassVar[str] = "the tracked point is not the nose"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "marker_offset", "data", "tracked_point"
+    summary = "the tracked point is not the nose"
+    parameters = (
         Parameter(
             "marker_offset.along", "m", 0.0, -0.5, 0.2, 0.0, 0.005, about="of the tracked point, ahead of the nose"
         ),
         Parameter("marker_offset.across", "m", 0.0, -0.1, 0.1, 0.0, 0.005, about="of the tracked point, to port"),
     )
-    source: ClassVar[str] = (
-        "Velocity of a point of a rigid body: Goldstein et al., Classical Mechanics (2002), sec. 4.9"
-    )
-    signature: ClassVar[str] = (
-        "surge or sway is off by a length times the yaw rate; nothing where the fish does not turn"
-    )
-    confirm: ClassVar[str] = (
-        "measure where the marker sits, or turn the fish by hand about its nose in the camera's view"
-    )
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, part="everywhere")
+    source = "Velocity of a point of a rigid body: Goldstein et al., Classical Mechanics (2002), sec. 4.9"
+    signature = "surge or sway is off by a length times the yaw rate; nothing where the fish does not turn"
+    confirm = "measure where the marker sits, or turn the fish by hand about its nose in the camera's view"
+    fingerprint = Fingerprint(exponent=0.0, part="everywhere")
 
     def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
         """Say that a point is somewhere on the head, where nobody said where it is."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -19,18 +16,16 @@ class MassError(Effect):
     tail, linear drag or lift, which have sizes of their own, scale along with it.
     """
 
-    name: ClassVar[str] = "mass_error"
-    domain: ClassVar[Domain] = "body"
-    mechanism: ClassVar[str] = "mass_distribution"
-    summary: ClassVar[str] = "masses and inertias are off by one factor"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "mass_error", "body", "mass_distribution"
+    summary = "masses and inertias are off by one factor"
+    parameters = (
         Parameter("mass_error.error", "-", 0.0, -0.5, 1.0, 0.0, 0.05, about="relative error of masses and inertias"),
     )
-    source: ClassVar[str] = "homogeneity of the equation of motion, [Yu2016] eq. (18), in m, I and the coefficients"
-    signature: ClassVar[str] = "none while all coefficients are free: they all come out wrong by one factor"
-    confirm: ClassVar[str] = "weigh the fish, or measure one coefficient in a tow tank"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
+    source = "homogeneity of the equation of motion, [Yu2016] eq. (18), in m, I and the coefficients"
+    signature = "none while all coefficients are free: they all come out wrong by one factor"
+    confirm = "weigh the fish, or measure one coefficient in a tow tank"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale masses and inertias."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 #: Speed at which the coefficients are those of the fish [m/s].
@@ -46,19 +45,17 @@ class PowerDrag(Effect):
     one beat frequency have one.
     """
 
-    name: ClassVar[str] = "power_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "drag goes as the speed to another power than two"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "power_drag", "water", "drag_law"
+    summary = "drag goes as the speed to another power than two"
+    parameters = (
         Parameter("power_drag.friction", "-", 0.0, -0.95, 1.5, 0.0, 0.1, about="n of c_f"),
         Parameter("power_drag.pressure", "-", 0.0, -0.95, 1.5, 0.0, 0.1, about="n of c_d"),
     )
-    source: ClassVar[str] = "Schlichting, Boundary-Layer Theory (1979), ch. VII and XXI"
-    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
-    confirm: ClassVar[str] = "tow the stretched fish at several speeds: the slope of the logarithms is no 2"
+    source = "Schlichting, Boundary-Layer Theory (1979), ch. VII and XXI"
+    signature = "forward speed against beat frequency is bent; start-ups differ from steady swimming"
+    confirm = "tow the stretched fish at several speeds: the slope of the logarithms is no 2"
     #: No power of the frequency: for a small n the excess goes as n ln(V / U_0), and its zero is where U_0 was put.
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short", "design-one-frequency")
-    load: ClassVar[Load | None] = _excess
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-short", "design-one-frequency")
+    load = _excess

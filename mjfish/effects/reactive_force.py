@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
@@ -37,24 +36,22 @@ class ReactiveForce(Effect):
     All of Kirchhoff's equations of a link are kappa = 1, psi = 0; a wake takes some of it away.
     """
 
-    name: ClassVar[str] = "reactive_force"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "reactive_force"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the added momentum acts by other shares, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "reactive_force", "water", "reactive_force"
+    learned = True
+    summary = "the added momentum acts by other shares, learned"
+    parameters = (
         Parameter("reactive_force.munk_body", "-", 0.0, -1.5, 3.0, 0.0, 0.2, about="kappa of all links but the last"),
         Parameter("reactive_force.munk_tail", "-", 0.0, -1.5, 3.0, 0.0, 0.2, about="kappa of the last link"),
         Parameter("reactive_force.axial", "-", 0.0, -1.5, 3.0, 0.0, 0.2, about="psi, excess of the axial force"),
         Parameter("reactive_force.edge", "-", 0.0, -1.0, 3.0, 0.0, 0.05, about="share that the trailing edge sheds"),
     )
-    source: ClassVar[str] = "Lamb, Hydrodynamics (1932), art. 124; Lighthill, Proc. R. Soc. B 179 (1971)"
-    signature: ClassVar[str] = "yaw rate and sway, growing with forward speed times sideways speed; none at rest"
-    confirm: ClassVar[str] = "tow the fish, joints held, at a small angle and measure force and moment against speed"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-turn",)
-    load: ClassVar[Load | None] = _force
+    source = "Lamb, Hydrodynamics (1932), art. 124; Lighthill, Proc. R. Soc. B 179 (1971)"
+    signature = "yaw rate and sway, growing with forward speed times sideways speed; none at rest"
+    confirm = "tow the fish, joints held, at a small angle and measure force and moment against speed"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-no-turn",)
+    load = _force
 
     def priors(self) -> tuple[Prior, ...]:
         """Shares are of the order of one."""

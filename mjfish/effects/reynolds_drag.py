@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 #: Speed at which `friction` and `pressure` are the relative increase of the coefficients [m/s].
@@ -43,18 +42,16 @@ class ReynoldsDrag(Effect):
     c_f, `pressure` for c_d. The exponent 1/2 is that of a laminar boundary layer (Blasius).
     """
 
-    name: ClassVar[str] = "reynolds_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "drag coefficients depend on the Reynolds number"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "reynolds_drag", "water", "drag_law"
+    summary = "drag coefficients depend on the Reynolds number"
+    parameters = (
         Parameter("reynolds_drag.friction", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_f at 0.3 m/s"),
         Parameter("reynolds_drag.pressure", "-", 0.0, 0.0, 20.0, 0.0, 0.2, about="relative rise of c_d at 0.3 m/s"),
     )
-    source: ClassVar[str] = "[Yu2016] sec. V-B; Schlichting, Boundary-Layer Theory (1979), ch. VII"
-    signature: ClassVar[str] = "forward speed against beat frequency is bent; start-ups are slower than simulated"
-    confirm: ClassVar[str] = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=-0.5, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    resembles: ClassVar[tuple[str, ...]] = ("design-short",)
-    load: ClassVar[Load | None] = _excess
+    source = "[Yu2016] sec. V-B; Schlichting, Boundary-Layer Theory (1979), ch. VII"
+    signature = "forward speed against beat frequency is bent; start-ups are slower than simulated"
+    confirm = "swim at more and lower beat frequencies, or tow the stretched fish at several speeds"
+    fingerprint = Fingerprint(exponent=-0.5, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    resembles = ("design-short",)
+    load = _excess

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -13,7 +12,6 @@ from mjfish.compiled import compiled
 from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 #: Acceleration of gravity [m/s2].
@@ -43,24 +41,22 @@ class Roll(Effect):
     known well enough for it.
     """
 
-    name: ClassVar[str] = "roll"
-    domain: ClassVar[Domain] = "out_of_plane"
-    mechanism: ClassVar[str] = "roll"
-    summary: ClassVar[str] = "the fish rolls, and the marker with it"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "roll", "out_of_plane", "roll"
+    summary = "the fish rolls, and the marker with it"
+    parameters = (
         Parameter("roll.height", "m", 0.0, -0.2, 0.2, 0.0, 0.003, about="of the marker above the roll axis"),
         Parameter(
             "roll.frequency", "rad/s", 8.0, 1.0, 40.0, 8.0, 1.0, about="natural frequency of the roll", shape=True
         ),
         Parameter("roll.damping", "-", 0.2, 0.02, 1.5, 0.2, 0.05, about="damping ratio of the roll", shape=True),
     )
-    source: ClassVar[str] = (
+    source = (
         "Metacentric stability and coupled sway and roll: Fossen, Handbook of Marine Craft Hydrodynamics and Motion "
         "Control (2011), ch. 4 and 7"
     )
-    signature: ClassVar[str] = "sway alone is off, most where the beat frequency is near that of the roll"
-    confirm: ClassVar[str] = "measure the roll, or tilt the fish by hand, let go, and film the swing from ahead"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
+    signature = "sway alone is off, most where the beat frequency is near that of the roll"
+    confirm = "measure the roll, or tilt the fish by hand, let go, and film the swing from ahead"
+    fingerprint = Fingerprint(odd=False, part="everywhere")
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:
         """Take the speed of the marker about the roll axis off the sway."""

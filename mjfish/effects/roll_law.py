@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Values
@@ -23,10 +21,10 @@ class RollLaw(RollLoss):
     with shares kappa of the added momentum in F and mu of the acceleration. What the camera reads is that of `Roll`.
     """
 
-    name: ClassVar[str] = "roll_law"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the fish rolls; what drives it and what it does are learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "roll_law"
+    learned = True
+    summary = "the fish rolls; what drives it and what it does are learned"
+    parameters = (
         Parameter("roll_law.square", "-", 0.0, 0.0, 400.0, 0.0, 0.3, about="lambda^2, of the lean by the side force"),
         Parameter(
             "roll_law.frequency", "rad/s", 8.0, 1.0, 60.0, 8.0, 1.0, about="natural frequency of the roll", shape=True
@@ -36,7 +34,7 @@ class RollLaw(RollLoss):
         Parameter("roll_law.nose", "-", 0.0, -20.0, 20.0, 0.0, 0.2, about="mu, of the nose's acceleration", shape=True),
         Parameter("roll_law.height", "m", 0.0, -0.2, 0.2, 0.0, 0.003, about="of the marker above the roll axis"),
     )
-    signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong, or sway off near one frequency"
+    signature = "sway and yaw rate too small where the beat is strong, or sway off near one frequency"
 
     def constants(self, trial: Trial) -> tuple[float, ...]:
         """Return the weight, behind its own mu and height."""

@@ -8,11 +8,10 @@ import numpy as np
 
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, variant
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -56,10 +55,8 @@ class RollLoss(Effect):
     camera is left alone; what it reads of a rolling marker is the cause `Roll`.
     """
 
-    name: ClassVar[str] = "roll_loss"
-    domain: ClassVar[Domain] = "out_of_plane"
-    mechanism: ClassVar[str] = "roll"
-    summary: ClassVar[str] = "the fish rolls, and its drag across falls"
+    name, domain, mechanism = "roll_loss", "out_of_plane", "roll"
+    summary = "the fish rolls, and its drag across falls"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("roll_loss.square", "-", 0.0, 0.0, 400.0, 0.0, 0.3, about="lambda^2, of the lean by the side force"),
         Parameter(
@@ -68,14 +65,14 @@ class RollLoss(Effect):
         Parameter("roll_loss.damping", "-", 0.3, 0.02, 3.0, 0.3, 0.05, about="damping ratio of the roll", shape=True),
         Parameter("roll_loss.inertial", "-", 0.5, 0.0, 1.0, 0.5, 0.2, about="kappa, of the added momentum", shape=True),
     )
-    source: ClassVar[str] = (
+    source = (
         "Cross-flow principle: Hoerner, Fluid-Dynamic Drag (1965), ch. 3; metacentric stability: Fossen, Handbook of "
         "Marine Craft Hydrodynamics and Motion Control (2011), ch. 4"
     )
-    signature: ClassVar[str] = "sway and yaw rate too small where the beat is strong; quick start-ups slip"
-    confirm: ClassVar[str] = "film the fish from ahead, or log its roll with an inertial sensor"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
-    load: ClassVar[Load | None] = _lost
+    signature = "sway and yaw rate too small where the beat is strong; quick start-ups slip"
+    confirm = "film the fish from ahead, or log its roll with an inertial sensor"
+    fingerprint = Fingerprint(odd=False, part="everywhere")
+    load = _lost
     weight: ClassVar[float] = 10.0  # [N]
 
     @classmethod

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from mjfish.effects.calibration import CALIPERS, Calibration
+from mjfish.effects.calibration import CALIPERS
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
 
@@ -19,18 +16,16 @@ class SectionHeight(Effect):
     their sections differ in width over height. It shows once coefficients are held.
     """
 
-    name: ClassVar[str] = "section_height"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "added_mass"
-    summary: ClassVar[str] = "the sections are higher or lower than measured"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "section_height", "water", "added_mass"
+    summary = "the sections are higher or lower than measured"
+    parameters = (
         Parameter("section_height.error", "-", 0.0, -0.5, 1.0, 0.0, 0.05, about="relative error of all heights"),
     )
-    source: ClassVar[str] = "[Yu2016] eqs. (8)-(11): strips of height h, m_a = c_m rho pi h^2 / 4"
-    signature: ClassVar[str] = "like larger coefficients of every kind at once; nearly all of it goes into them"
-    confirm: ClassVar[str] = "measure the height of the sections with callipers"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = CALIPERS
+    source = "[Yu2016] eqs. (8)-(11): strips of height h, m_a = c_m rho pi h^2 / 4"
+    signature = "like larger coefficients of every kind at once; nearly all of it goes into them"
+    confirm = "measure the height of the sections with callipers"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = CALIPERS
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Scale every height."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.arrays import FloatArray
@@ -11,7 +9,6 @@ from mjfish.compiled import compiled, merged
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 #: Parts of each half step of the drive, in which the play is straight.
@@ -34,24 +31,22 @@ class ServoBacklash(Effect):
     Not smooth at the null: at first order in w, d is half a width times the sign of the command's rate.
     """
 
-    name: ClassVar[str] = "servo_backlash"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_play"
-    summary: ClassVar[str] = "the gears of the servos have play"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "servo_backlash", "drive", "servo_play"
+    summary = "the gears of the servos have play"
+    parameters = (
         Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),
         Parameter(
             "servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
         ),
     )
-    source: ClassVar[str] = (
+    source = (
         "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "
         "(2002)"
     )
-    signature: ClassVar[str] = "the joints are late by an angle, not by a time, and swing less by the width of the gap"
-    confirm: ClassVar[str] = "hold the servo and rock the joint by hand; the free angle is the play"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    smooth: ClassVar[bool] = False
+    signature = "the joints are late by an angle, not by a time, and swing less by the width of the gap"
+    confirm = "hold the servo and rock the joint by hand; the free angle is the play"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    smooth = False
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Take the play off the command."""

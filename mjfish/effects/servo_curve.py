@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.arrays import FloatArray
 from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.hydro.spline import spline, spline_slope
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior, smooth_curve
@@ -62,26 +59,20 @@ class ServoCurve(Effect):
         theta' = exp(-g) c',   theta'' = exp(-g) (c'' - g'(|c|) sgn(c) c'^2)
     """
 
-    name: ClassVar[str] = "servo_curve"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_limit"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the joints reach other angles than they are told, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+    name, domain, mechanism = "servo_curve", "drive", "servo_limit"
+    learned = True
+    summary = "the joints reach other angles than they are told, learned"
+    parameters = tuple(
         Parameter(
             f"servo_curve.{_name(k)}", "-", 0.0, _LOW, _HIGH, 0.0, 0.05, about=f"g, -ln of the slope near {10 * k} deg"
         )
         for k in range(_KNOTS)
     )
-    source: ClassVar[str] = (
-        "Khalil, Nonlinear Systems (2002), sec. 1.2.7: saturation; Ramsay, J. R. Stat. Soc. B 60 (1998): monotony"
-    )
-    signature: ClassVar[str] = (
-        "the swing is wrong by an amount that goes with the angle, the same at every beat frequency"
-    )
-    confirm: ClassVar[str] = "step the joints on the bench to larger and larger angles and read them"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
+    source = "Khalil, Nonlinear Systems (2002), sec. 1.2.7: saturation; Ramsay, J. R. Stat. Soc. B 60 (1998): monotony"
+    signature = "the swing is wrong by an amount that goes with the angle, the same at every beat frequency"
+    confirm = "step the joints on the bench to larger and larger angles and read them"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = ("stuck-clipped",)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Bend the angles; rates and accelerations by the chain rule."""

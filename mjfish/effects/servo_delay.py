@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import SHORTEST, filtered
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
@@ -18,14 +16,12 @@ class ServoDelay(ServoForm):
     those of a critically damped filter; a shorter T is none.
     """
 
-    name: ClassVar[str] = "servo_delay"
-    summary: ClassVar[str] = "the servos follow their command after a dead time"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("servo_delay.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, dead time"),
-    )
-    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models with delay"
-    signature: ClassVar[str] = "late by a time at every frequency, not smaller; steps come late and sharp"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    name = "servo_delay"
+    summary = "the servos follow their command after a dead time"
+    parameters = (Parameter("servo_delay.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, dead time"),)
+    source = "Ljung, System Identification (1999), sec. 4.2: process models with delay"
+    signature = "late by a time at every frequency, not smaller; steps come late and sharp"
+    fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Delay the motion."""

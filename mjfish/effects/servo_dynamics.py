@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import SHORTEST, filtered, limited
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
@@ -17,10 +15,10 @@ class ServoDynamics(ServoForm):
     their command at a rate k, a dead time, and the filter of `ServoSecondOrder`, one behind the other.
     """
 
-    name: ClassVar[str] = "servo_dynamics"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the joints follow their command late, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "servo_dynamics"
+    learned = True
+    summary = "the joints follow their command late, learned"
+    parameters = (
         Parameter("servo_dynamics.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
         Parameter("servo_dynamics.delay", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="dead time"),
         Parameter("servo_dynamics.slowness", "s/rad", 0.0, 0.0, 0.5, 0.0, 0.03, about="1 / (largest rate)"),
@@ -29,9 +27,9 @@ class ServoDynamics(ServoForm):
             "servo_dynamics.catch_up", "1/s", 100.0, 20.0, 800.0, 100.0, 20.0, about="k, of the limit", shape=True
         ),
     )
-    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
-    signature: ClassVar[str] = "late, and smaller or larger by frequency"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    source = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature = "late, and smaller or larger by frequency"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return this motion at the numbers of a formula of the same mechanism."""

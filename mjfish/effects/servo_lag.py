@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.arrays import FloatArray
@@ -26,14 +24,12 @@ class ServoLag(ServoForm):
     command's rate does not.
     """
 
-    name: ClassVar[str] = "servo_lag"
-    summary: ClassVar[str] = "the servos follow their command late"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),
-    )
-    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
-    signature: ClassVar[str] = "late and smaller with frequency; steps of the command come out smooth"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    name = "servo_lag"
+    summary = "the servos follow their command late"
+    parameters = (Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),)
+    source = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature = "late and smaller with frequency; steps of the command come out smooth"
+    fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion; the rate no longer jumps."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import limited
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
@@ -19,16 +17,16 @@ class ServoLimitedLag(ServoForm):
     met, it is the lag of `ServoLag`.
     """
 
-    name: ClassVar[str] = "servo_limited_lag"
-    summary: ClassVar[str] = "the servos are too slow for their command, and lag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "servo_limited_lag"
+    summary = "the servos are too slow for their command, and lag"
+    parameters = (
         Parameter("servo_limited_lag.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
         Parameter("servo_limited_lag.time", "s", 0.005, 0.001, 0.1, 0.005, 0.003, about="T, of the loop", shape=True),
     )
-    source: ClassVar[str] = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
-    signature: ClassVar[str] = "late; above a frequency the tail swings less, as rounded triangles"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    limits: ClassVar[tuple[str, ...]] = ("servo_lag", "servo_rate_limit")
+    source = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
+    signature = "late; above a frequency the tail swings less, as rounded triangles"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    limits = ("servo_lag", "servo_rate_limit")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints close in as fast as they may."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import limited
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
@@ -23,18 +21,16 @@ class ServoRateLimit(ServoForm):
     Not smooth at the null: joints slower than the limit do not feel it, so that the derivatives there are all zero.
     """
 
-    name: ClassVar[str] = "servo_rate_limit"
-    summary: ClassVar[str] = "the servos are too slow for their command"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "servo_rate_limit"
+    summary = "the servos are too slow for their command"
+    parameters = (
         Parameter("servo_rate_limit.slowness", "s/rad", 0.0, 0.0, 0.5, 0.1, 0.03, about="1 / (largest rate)"),
     )
-    source: ClassVar[str] = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
-    signature: ClassVar[str] = (
-        "nothing at low frequency; above a frequency the tail swings less and later, as triangles"
-    )
-    confirm: ClassVar[str] = "log the joint angles on the bench while the command steps, and read the largest rate"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
+    source = "Rate limiter of an actuator: Fielding and Flux, Aeronautical Journal 107 (2003)"
+    signature = "nothing at low frequency; above a frequency the tail swings less and later, as triangles"
+    confirm = "log the joint angles on the bench while the command steps, and read the largest rate"
+    fingerprint = Fingerprint(odd=False, part="everywhere")
+    resembles = ("stuck-clipped",)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Let the joints follow as fast as they may."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -25,23 +22,19 @@ class ServoSaturation(Effect):
     It makes angles smaller only, psi >= 0.
     """
 
-    name: ClassVar[str] = "servo_saturation"
-    domain: ClassVar[Domain] = "drive"
-    mechanism: ClassVar[str] = "servo_limit"
-    summary: ClassVar[str] = "the joints do not reach the large angles they are told"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "servo_saturation", "drive", "servo_limit"
+    summary = "the joints do not reach the large angles they are told"
+    parameters = (
         Parameter("servo_saturation.psi", "1/rad2", 0.0, 0.0, 10.0, 0.0, 0.05, about="1 / (largest angle)^2"),
         Parameter(
             "servo_saturation.sharpness", "-", 2.0, 2.0, 20.0, 2.0, 1.0, about="p, 2 soft, 20 a hard stop", shape=True
         ),
     )
-    source: ClassVar[str] = "Saturation as a sector nonlinearity: Khalil, Nonlinear Systems (2002), sec. 1.2.7"
-    signature: ClassVar[str] = (
-        "too little swing, most at the joints that bend far; the same at every beat frequency, third harmonics"
-    )
-    confirm: ClassVar[str] = "step the joints on the bench to larger and larger angles and read them"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("stuck-clipped",)
+    source = "Saturation as a sector nonlinearity: Khalil, Nonlinear Systems (2002), sec. 1.2.7"
+    signature = "too little swing, most at the joints that bend far; the same at every beat frequency, third harmonics"
+    confirm = "step the joints on the bench to larger and larger angles and read them"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = ("stuck-clipped",)
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Compress the angles; rates and accelerations by the chain rule."""

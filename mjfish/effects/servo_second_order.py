@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import SHORTEST, filtered
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
@@ -17,15 +15,15 @@ class ServoSecondOrder(ServoForm):
     damping ratio zeta below 0.7 overshoots.
     """
 
-    name: ClassVar[str] = "servo_second_order"
-    summary: ClassVar[str] = "the servos answer with inertia"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "servo_second_order"
+    summary = "the servos answer with inertia"
+    parameters = (
         Parameter("servo_second_order.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
         Parameter("servo_second_order.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
     )
-    source: ClassVar[str] = "Ljung, System Identification (1999), sec. 4.2: process models"
-    signature: ClassVar[str] = "late, and larger or smaller near its natural frequency; steps overshoot or come smooth"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    source = "Ljung, System Identification (1999), sec. 4.2: process models"
+    signature = "late, and larger or smaller near its natural frequency; steps overshoot or come smooth"
+    fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Filter the motion."""

@@ -14,7 +14,7 @@ from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.place import begun_at, unplaced
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow, crossflow_derivatives
-from mjfish.hydro.load import PARAMETERS, PLACES, Load, load
+from mjfish.hydro.load import PARAMETERS, PLACES, load
 from mjfish.parameter import Parameter
 
 #: Columns of the derivatives that are not zero: by c_x, c_y, g_x, g_y, then by u, v, w, x, y, heading and the clock.
@@ -139,9 +139,9 @@ class ShearedCurrent(AmbientCurrent):
     e along the fish, n to port. Other forces of the water feel c_s only, not how c changes with the place.
     """
 
-    name: ClassVar[str] = "sheared_current"
-    summary: ClassVar[str] = "the water in the tank moves, and not everywhere alike"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "sheared_current"
+    summary = "the water in the tank moves, and not everywhere alike"
+    parameters = (
         Parameter("sheared_current.x", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world x at the origin"),
         Parameter("sheared_current.y", "m/s", 0.0, -0.5, 0.5, 0.0, 0.01, about="current along world y at the origin"),
         Parameter(
@@ -150,15 +150,15 @@ class ShearedCurrent(AmbientCurrent):
         Parameter("sheared_current.shear_x", "1/s", 0.0, -1.0, 1.0, 0.0, 0.02, about="g_x, of x per metre of y"),
         Parameter("sheared_current.shear_y", "1/s", 0.0, -1.0, 1.0, 0.0, 0.02, about="g_y, of y per metre of x"),
     )
-    source: ClassVar[str] = (
+    source = (
         "Batchelor, An Introduction to Fluid Dynamics (1967), sec. 2.3: linear flow; Morison's force of relative motion"
     )
-    signature: ClassVar[str] = "an offset of surge and sway that turns with the heading and differs from place to place"
-    confirm: ClassVar[str] = "let the fish drift without drive at several places of the tank"
+    signature = "an offset of surge and sway that turns with the heading and differs from place to place"
+    confirm = "let the fish drift without drive at several places of the tank"
     #: No power of the frequency: the uniform part is an offset, but a faster fish also comes to other water.
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=None, part="everywhere")
-    limits: ClassVar[tuple[str, ...]] = ("ambient_current",)
-    load: ClassVar[Load | None] = _sheared
+    fingerprint = Fingerprint(exponent=None, odd=None, part="everywhere")
+    limits = ("ambient_current",)
+    load = _sheared
     length: ClassVar[float] = 0.6  # of the fish [m]
 
     @classmethod

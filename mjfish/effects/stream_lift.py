@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.hydro.outline import INTERVALS
 from mjfish.parameter import Parameter
 
@@ -39,16 +38,14 @@ class StreamLift(Effect):
     both are the same.
     """
 
-    name: ClassVar[str] = "stream_lift"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "lift"
-    summary: ClassVar[str] = "the caudal fin has lift across the stream"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "stream_lift", "water", "lift"
+    summary = "the caudal fin has lift across the stream"
+    parameters = (
         Parameter("stream_lift.slope", "-", 0.0, 0.0, 8.0, 0.0, 0.05, about="C, slope of the lift at small angles"),
     )
-    source: ClassVar[str] = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3 and 17: plates to 90 degrees"
-    signature: ClassVar[str] = "sway, yaw rate and thrust of the beat, growing with forward speed; little at rest"
-    confirm: ClassVar[str] = "hold the fin in a stream and measure its force along and across it against the angle"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _lift
+    source = "Hoerner and Borst, Fluid-Dynamic Lift (1975), ch. 3 and 17: plates to 90 degrees"
+    signature = "sway, yaw rate and thrust of the beat, growing with forward speed; little at rest"
+    confirm = "hold the fin in a stream and measure its force along and across it against the angle"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _lift

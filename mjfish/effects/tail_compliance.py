@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -16,19 +14,17 @@ class TailCompliance(TailForm):
     -delta / compliance - damping delta', and equals the moment of the link's equation of motion about the joint.
     """
 
-    name: ClassVar[str] = "tail_compliance"
-    summary: ClassVar[str] = "the tail bends like a spring"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "tail_compliance"
+    summary = "the tail bends like a spring"
+    parameters = (
         Parameter("tail_compliance.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
         Parameter(
             "tail_compliance.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.1, 0.02, about="of the deflection", shape=True
         ),
     )
-    source: ClassVar[str] = "[Yu2016] sec. V-B: the undulating tail is not completely rigid"
-    signature: ClassVar[str] = (
-        "the tail lags and gives way in proportion to its load: the error grows as frequency squared"
-    )
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=2.0, odd=False, part="everywhere")
+    source = "[Yu2016] sec. V-B: the undulating tail is not completely rigid"
+    signature = "the tail lags and gives way in proportion to its load: the error grows as frequency squared"
+    fingerprint = Fingerprint(exponent=2.0, odd=False, part="everywhere")
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
 from mjfish.parameter import Parameter
@@ -16,17 +14,17 @@ class TailHardening(TailForm):
     moment is odd and grows with the deflection for h >= 0.
     """
 
-    name: ClassVar[str] = "tail_hardening"
-    summary: ClassVar[str] = "the tail bends like a spring that hardens with its load"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "tail_hardening"
+    summary = "the tail bends like a spring that hardens with its load"
+    parameters = (
         Parameter("tail_hardening.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque"),
         Parameter("tail_hardening.damping", "N m s/rad", 0.02, 0.0, 0.2, 0.1, 0.02, about="of it", shape=True),
         Parameter("tail_hardening.hardening", "1/rad2", 10.0, 0.0, 300.0, 10.0, 10.0, about="h, of it", shape=True),
     )
-    source: ClassVar[str] = "Duffing's equation: Kovacic and Brennan (2011), ch. 2"
-    signature: ClassVar[str] = "the tail gives way at small load and less so at large: it shows most at slow beats"
-    limits: ClassVar[tuple[str, ...]] = ("tail_compliance",)
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    source = "Duffing's equation: Kovacic and Brennan (2011), ch. 2"
+    signature = "the tail gives way at small load and less so at large: it shows most at slow beats"
+    limits = ("tail_compliance",)
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own."""

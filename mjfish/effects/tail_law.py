@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from mjfish.effects.effect import Fingerprint, TailForm, Values
@@ -22,10 +20,10 @@ class TailLaw(TailForm):
     and then stiffens is b < 0, one that stiffens at once b > 0, and `TailHardening` is b = 0.
     """
 
-    name: ClassVar[str] = "tail_law"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "the tail bends like a spring, by a law that is learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "tail_law"
+    learned = True
+    summary = "the tail bends like a spring, by a law that is learned"
+    parameters = (
         Parameter(
             "tail_law.compliance", "rad/(N m)", 0.0, 0.0, 2.0, 0.0, 0.05, about="deflection per torque, if small"
         ),
@@ -33,11 +31,9 @@ class TailLaw(TailForm):
         Parameter("tail_law.quadratic", "1/rad", 0.0, -10.0, 30.0, 1.0, 1.0, about="b, of its moment", shape=True),
         Parameter("tail_law.hardening", "1/rad2", 0.0, 0.0, 300.0, 10.0, 10.0, about="h, of its moment", shape=True),
     )
-    source: ClassVar[str] = "Kovacic and Brennan, The Duffing Equation (2011), ch. 2: springs with odd powers"
-    signature: ClassVar[str] = (
-        "the tail lags and gives way, by another share of its load at slow beats than at fast ones"
-    )
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
+    source = "Kovacic and Brennan, The Duffing Equation (2011), ch. 2: springs with odd powers"
+    signature = "the tail lags and gives way, by another share of its load at slow beats than at fast ones"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
 
     def body(self, fish: Fish, values: Values) -> Fish:
         """Add the compliance to the fish's own; the other numbers are those of the sum."""

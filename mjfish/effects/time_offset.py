@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
-from mjfish.effects.calibration import SYNC_FLASH, Calibration
+from mjfish.effects.calibration import SYNC_FLASH
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -18,21 +15,19 @@ class TimeOffset(Effect):
     The camera's clock and the clock of the drive are set apart by a constant. Nothing in the water changes.
     """
 
-    name: ClassVar[str] = "time_offset"
-    domain: ClassVar[Domain] = "data"
-    mechanism: ClassVar[str] = "clock"
-    summary: ClassVar[str] = "the clocks of camera and drive are apart"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "time_offset", "data", "clock"
+    summary = "the clocks of camera and drive are apart"
+    parameters = (
         Parameter(
             "time_offset.offset", "s", 0.0, -0.25, 0.25, 0.0, 0.005, about="recorded at t, happened at t + offset"
         ),
     )
-    source: ClassVar[str] = "Data compatibility check, Jategaonkar, Flight Vehicle System Identification (2006), ch. 10"
-    signature: ClassVar[str] = "every channel is shifted by the same time; the phase error grows with frequency"
-    confirm: ClassVar[str] = "flash a light in the camera's view when the drive starts"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=1.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = SYNC_FLASH
-    resembles: ClassVar[tuple[str, ...]] = (
+    source = "Data compatibility check, Jategaonkar, Flight Vehicle System Identification (2006), ch. 10"
+    signature = "every channel is shifted by the same time; the phase error grows with frequency"
+    confirm = "flash a light in the camera's view when the drive starts"
+    fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")
+    calibration = SYNC_FLASH
+    resembles = (
         "clock-drift",
         "clock-jump",
         "compatibility-derived",

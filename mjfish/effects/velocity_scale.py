@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.parameter import Parameter
 
 
@@ -18,21 +15,19 @@ class VelocityScale(Effect):
     is right.
     """
 
-    name: ClassVar[str] = "velocity_scale"
-    domain: ClassVar[Domain] = "data"
-    mechanism: ClassVar[str] = "camera_scale"
-    summary: ClassVar[str] = "the scale of the camera is off"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "velocity_scale", "data", "camera_scale"
+    summary = "the scale of the camera is off"
+    parameters = (
         Parameter("velocity_scale.error", "-", 0.0, -0.3, 0.3, 0.0, 0.01, about="relative error of the camera's scale"),
     )
-    source: ClassVar[str] = (
+    source = (
         "Scale factor of a sensor: Jategaonkar, Flight Vehicle System Identification (2006), ch. 10; Hartley and "
         "Zisserman, Multiple View Geometry in Computer Vision (2004), ch. 6"
     )
-    signature: ClassVar[str] = "surge and sway are off by the same factor at every speed; the yaw rate is right"
-    confirm: ClassVar[str] = "film a ruler at the depth of the marker, or integrate the speed along a known distance"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = (
+    signature = "surge and sway are off by the same factor at every speed; the yaw rate is right"
+    confirm = "film a ruler at the depth of the marker, or integrate the speed along a known distance"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    resembles = (
         "compatibility-derived",
         "compatibility-scale",
         "repeats-differ",

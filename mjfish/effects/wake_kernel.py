@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import crossflow
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 from mjfish.prior import Prior
 
@@ -55,12 +54,10 @@ class WakeKernel(Effect):
     the same times. One share alone is `WakeMemory` or `AddedMassMemory`. Wagner's function has two such lags.
     """
 
-    name: ClassVar[str] = "wake_kernel"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "wake_memory"
-    learned: ClassVar[bool] = True
-    summary: ClassVar[str] = "drag and added mass follow the motion late, learned"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "wake_kernel", "water", "wake_memory"
+    learned = True
+    summary = "drag and added mass follow the motion late, learned"
+    parameters = (
         Parameter("wake_kernel.drag", "-", 0.0, -1.0, 1.0, 0.0, 0.05, about="psi_1, of the drag"),
         Parameter("wake_kernel.late_drag", "-", 0.0, -1.0, 1.0, 0.0, 0.05, about="psi_2, of the drag"),
         Parameter("wake_kernel.mass", "-", 0.0, -1.0, 2.0, 0.0, 0.2, about="chi_1, of the added mass"),
@@ -68,16 +65,12 @@ class WakeKernel(Effect):
         Parameter("wake_kernel.time", "s", 0.06, 0.02, 0.2, 0.06, 0.02, about="tau_1, of the early lag", shape=True),
         Parameter("wake_kernel.late_time", "s", 0.4, 0.1, 1.5, 0.4, 0.1, about="tau_2, of the late lag", shape=True),
     )
-    source: ClassVar[str] = (
-        "Jones, NACA Report 681 (1940): Wagner's function as two exponentials; Cummins, Schiffstechnik 9 (1962)"
-    )
-    signature: ClassVar[str] = (
-        "sway and yaw rate of the beat have another phase, by frequency; starts and turns overshoot"
-    )
-    confirm: ClassVar[str] = "hold the fish, step one joint and watch the side force settle after the joint has stopped"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
-    load: ClassVar[Load | None] = _late
+    source = "Jones, NACA Report 681 (1940): Wagner's function as two exponentials; Cummins, Schiffstechnik 9 (1962)"
+    signature = "sway and yaw rate of the beat have another phase, by frequency; starts and turns overshoot"
+    confirm = "hold the fish, step one joint and watch the side force settle after the joint has stopped"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
+    load = _late
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return the kernel at the numbers of a formula: the lag whose times reach its own."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
 from mjfish.hydro.force import crossflow
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -35,17 +34,15 @@ class WakeMemory(Effect):
     1 - 0.165 exp(-0.045 s) - 0.335 exp(-0.3 s), s half-chords, two such lags). Here tau is a time, not a distance.
     """
 
-    name: ClassVar[str] = "wake_memory"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "wake_memory"
-    summary: ClassVar[str] = "drag across the body follows its motion late: the wake remembers"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "wake_memory", "water", "wake_memory"
+    summary = "drag across the body follows its motion late: the wake remembers"
+    parameters = (
         Parameter("wake_memory.share", "-", 0.0, 0.0, 1.0, 0.0, 0.05, about="psi, of the drag that comes late"),
         Parameter("wake_memory.time", "s", 0.15, 0.02, 1.0, 0.15, 0.05, about="tau, of the lag", shape=True),
     )
-    source: ClassVar[str] = "Wagner, ZAMM 5 (1925): lift; Sarpkaya, AIAA J. 4 (1966): drag of a cylinder set in motion"
-    signature: ClassVar[str] = "the beat's sway and yaw rate are early and large; start-ups and turns overshoot"
-    confirm: ClassVar[str] = "hold the fish, step one joint and watch the side force settle after the joint has stopped"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=None, odd=False, part="everywhere")
-    resembles: ClassVar[tuple[str, ...]] = ("design-no-start",)
-    load: ClassVar[Load | None] = _late
+    source = "Wagner, ZAMM 5 (1925): lift; Sarpkaya, AIAA J. 4 (1966): drag of a cylinder set in motion"
+    signature = "the beat's sway and yaw rate are early and large; start-ups and turns overshoot"
+    confirm = "hold the fish, step one joint and watch the side force settle after the joint has stopped"
+    fingerprint = Fingerprint(exponent=None, odd=False, part="everywhere")
+    resembles = ("design-no-start",)
+    load = _late

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
 from mjfish.effects.place import unplaced
 from mjfish.hydro.force import crossflow
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 #: Lengths of decay within which a wall matters at all: beyond, less than a twentieth of it is left.
@@ -39,21 +38,17 @@ class WallEffect(Effect):
     is that of the middle of the link to the nearest of the four walls of the tank.
     """
 
-    name: ClassVar[str] = "wall_effect"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "walls"
-    summary: ClassVar[str] = "drag grows near the walls of the tank"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "wall_effect", "water", "walls"
+    summary = "drag grows near the walls of the tank"
+    parameters = (
         Parameter("wall_effect.size", "-", 0.0, 0.0, 5.0, 0.0, 0.1, about="psi, relative increase at the wall"),
         Parameter("wall_effect.reach", "m", 0.2, 0.03, 1.0, 0.2, 0.1, about="l, of its decay", shape=True),
     )
-    source: ClassVar[str] = "Scott, Trans. RINA 118 (1976): blockage correction; Brennen, NCEL CR 82.010 (1982): walls"
-    signature: ClassVar[str] = (
-        "right in the middle of the tank, too fast along its walls: it follows the path, not the beat"
-    )
-    confirm: ClassVar[str] = "swim the same run once along the middle line and once along a wall"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=None, part=None)
-    load: ClassVar[Load | None] = _more
+    source = "Scott, Trans. RINA 118 (1976): blockage correction; Brennen, NCEL CR 82.010 (1982): walls"
+    signature = "right in the middle of the tank, too fast along its walls: it follows the path, not the beat"
+    confirm = "swim the same run once along the middle line and once along a wall"
+    fingerprint = Fingerprint(exponent=0.0, odd=None, part=None)
+    load = _more
 
     def not_applicable(self, dataset: Dataset) -> str:
         """The distance to a wall needs the tank and where in it each run began."""

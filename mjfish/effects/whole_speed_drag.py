@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from mjfish.effects.calibration import TOW_TEST, Calibration
+from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
-from mjfish.effects.mechanism import Domain
-from mjfish.hydro.load import Load, load
+from mjfish.hydro.load import load
 from mjfish.parameter import Parameter
 
 
@@ -39,17 +38,15 @@ class WholeSpeedDrag(Effect):
     flow around infinite cylinders. A share psi of the other extreme is added: psi (V - |q|) q, psi (V - |u|) u.
     """
 
-    name: ClassVar[str] = "whole_speed_drag"
-    domain: ClassVar[Domain] = "water"
-    mechanism: ClassVar[str] = "drag_law"
-    summary: ClassVar[str] = "drag goes with the whole speed, not with that across or along"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name, domain, mechanism = "whole_speed_drag", "water", "drag_law"
+    summary = "drag goes with the whole speed, not with that across or along"
+    parameters = (
         Parameter("whole_speed_drag.friction", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the friction along"),
         Parameter("whole_speed_drag.pressure", "-", 0.0, 0.0, 2.0, 0.0, 0.2, about="psi of the drag across"),
     )
-    source: ClassVar[str] = "Hoerner, Fluid-Dynamic Drag (1965), sec. 3-10: crossflow principle"
-    signature: ClassVar[str] = "sway and yaw rate of the beat are damped more, the faster the fish swims"
-    confirm: ClassVar[str] = "tow the stretched fish at an angle: the side force grows with the speed along"
-    fingerprint: ClassVar[Fingerprint] = Fingerprint(exponent=0.0, odd=False, part="everywhere")
-    calibration: ClassVar[Calibration | None] = TOW_TEST
-    load: ClassVar[Load | None] = _excess
+    source = "Hoerner, Fluid-Dynamic Drag (1965), sec. 3-10: crossflow principle"
+    signature = "sway and yaw rate of the beat are damped more, the faster the fish swims"
+    confirm = "tow the stretched fish at an angle: the side force grows with the speed along"
+    fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
+    calibration = TOW_TEST
+    load = _excess

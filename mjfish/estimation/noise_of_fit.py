@@ -49,6 +49,7 @@ from mjfish.noise.autoregressive import grid
 from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess, forced
 from mjfish.ode.jacobians import jacobians, linear_response
+from mjfish.serialise import restored
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
 _WAVES = 2.0
@@ -293,14 +294,5 @@ def restore(saved: Mapping[str, Any], problem: Problem, values: Mapping[str, flo
         return ErrorsInVariables.of(
             restore(saved["base"], problem, values), JointErrors(problem, dict(values)).loadings
         )
-    numbers = {name: _array(name, value) for name, value in saved.items() if name != "kind"}
-    jacobians = {"jacobians": state_jacobians(problem, values)} if kind == ProcessNoise.__name__ else {}
-    return _KINDS[kind](**numbers, **jacobians)
-
-
-def _array(name: str, value: Any) -> Any:
-    """Return lists as arrays; that of no coefficients has three rows all the same."""
-    if not isinstance(value, list):
-        return value
-    array = np.array(value, dtype=float)
-    return readonly(array.reshape(3, -1) if name == "phi" else array)
+    found: Noise = restored(_KINDS[kind], saved)
+    return replace(found, jacobians=state_jacobians(problem, values)) if isinstance(found, ProcessNoise) else found

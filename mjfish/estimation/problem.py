@@ -281,17 +281,12 @@ class Problem:
         return "; ".join(words)
 
     def lost_row(self, residual: FloatArray) -> str:
-        """Return where a whitened residual (n,) is not finite first: trial, and channel and time [s] of a velocity."""
-        row = int(np.argmax(~np.isfinite(residual)))
-        for i, (trial, own, velocities) in enumerate(
-            zip(self.trials, self.trial_rows, self.rows_by_trial(), strict=True)
-        ):
-            if velocities.start <= row < velocities.stop:
-                sample, channel = divmod(row - velocities.start, len(CHANNELS))
-                return f"{CHANNELS[channel]} of trial {trial.name} at {trial.time[self.mask(i)][sample]:.4g} s"
-            if row in own:
-                return f"a sensor of trial {trial.name}"
-        return "what was known beforehand"
+        """Return where a whitened residual (n,) is not finite first: channel, trial and time [s] of a velocity."""
+        runs = ((trial, trial.time[self.mask(i)]) for i, trial in enumerate(self.trials))
+        places = [f"{name} of trial {run.name} at {t:.4g} s" for run, time in runs for t in time for name in CHANNELS]
+        for (i, sensor), rows in zip(self.sensors, self.sensor_rows, strict=True):
+            places += [f"{sensor.name} of trial {self.trials[i].name}"] * (rows.stop - rows.start)
+        return [*places, "what was known beforehand"][min(int(np.argmax(~np.isfinite(residual))), len(places))]
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""

@@ -10,6 +10,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mjfish.errors import InputError
+
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
@@ -56,7 +58,6 @@ def write_curves(result: Any, folder: str | Path) -> tuple[Path, ...]:
         InputError: this kind of result has no curves, or a file cannot be written.
     """
     from mjfish.diagnosis import DiagnosisData
-    from mjfish.errors import InputError
     from mjfish.reporting import curves
 
     if not isinstance(result, DiagnosisData):
@@ -66,8 +67,6 @@ def write_curves(result: Any, folder: str | Path) -> tuple[Path, ...]:
 
 def notebook(result: Any) -> str:
     """Return a result as HTML for a notebook: its summary and its figure, which needs no network."""
-    from mjfish.errors import InputError
-
     text = f"<pre>{escape(result.summary())}</pre>"
     try:
         drawn = figure(result)

@@ -17,8 +17,9 @@ import mjfish
 from mjfish import hashed
 from mjfish.cli.diagnosis_text import show
 from mjfish.data import Sensor
-from mjfish.diagnosis import Diagnosis, DiagnosisData, SensorOverlay
+from mjfish.diagnosis import Diagnosis, DiagnosisData, Estimate, SensorOverlay
 from mjfish.diagnosis.held_out import RunGain
+from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.inspection import Finding, Inspection
 from mjfish.reporting.html.diagnosis import render_diagnosis
@@ -42,6 +43,14 @@ def _full() -> Diagnosis:
     )
 
 
+def _of_another_name() -> Diagnosis:
+    """Return a diagnosis that names a learned form, by which its mechanism is not called."""
+    known = {
+        p.short: Estimate(p.default, p.default - 0.1, p.default + 0.1, p.unit) for p in find("roll_law").parameters
+    }
+    return diagnosis(cause="roll_law", parameters=known)
+
+
 def _of_places() -> Diagnosis:
     """Return a diagnosis in which places were compared, and no velocity was measured."""
     found = diagnosis()
@@ -60,6 +69,7 @@ CASES: dict[str, Callable[[], Diagnosis]] = {
        for verdict in ("named", "nothing_wrong", "cannot_tell", "unexplained")},
     "nothing held out": lambda: diagnosis(held_out=False),
     "learned": learned_diagnosis,
+    "learned, of another name": _of_another_name,
     "all there is": _full,
     "places": _of_places,
 }  # fmt: skip
@@ -114,9 +124,9 @@ def _signed(content: dict[str, Any]) -> dict[str, Any]:
 
 
 SLIPS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
-    "a list": (lambda _: [], "is no diagnosis, expected the JSON of one"),
+    "a list": (lambda _: [], "is no diagnosis, expected one of schema 5"),
     "another kind of result": (lambda _: {"schema": 5, "status": "ok"}, "is no diagnosis"),
-    "an older version": (lambda told: {**told, "schema": 4}, "has the schema 4, expected 5"),
+    "an older version": (lambda told: {**told, "schema": 4}, "has the schema 4, expected one of schema 5"),
     "a changed field": (lambda told: {**told, "message": "x"}, "its content does not fit its hash"),
     "a field less": (lambda told: _signed({k: v for k, v in told.items() if k != "fits"}), "KeyError.'fits'"),
     "a field of another type": (lambda told: _signed({**told, "causes": 3}), "has other keys than expected"),

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis
 
+from mjfish.diagnosis import Overlay
+
 _SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -59,7 +61,8 @@ def test_of_a_long_trial_the_stretch_is_drawn_where_the_nominal_model_is_worst(t
     bad = np.zeros((len(time), 3))
     bad[600:700, 2] = 1.0
     still = replace(overlay.trial, time=time, velocity=np.zeros_like(bad) + np.sin(time)[:, None])
-    overlay = replace(overlay, trial=still, nominal=still.velocity + bad, extended=still.velocity)
+    predicted = still.velocity + bad, still.velocity
+    overlay = Overlay.of(one.nominal_model, still, predicted, held_out=True)
     drawn = _lines(tool.picture(replace(one, overlays=(overlay,))), "before")[1]
     assert len(drawn) == pytest.approx(151, abs=1)  # three seconds
     assert np.count_nonzero(drawn[:, 1] > drawn[:, 1].mean()) == pytest.approx(100, abs=2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -19,15 +19,12 @@ from plotly.subplots import make_subplots
 from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.diagnosis import DiagnosisData, Overlay, SensorOverlay
-from mjfish.estimation.residual_tests import ALL, Autocorrelation
+from mjfish.diagnosis.missing_force import MissingForce
+from mjfish.estimation.intervals import Profile
+from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual_tests import ALL, Autocorrelation, CrossCorrelation
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value, unit
-
-if TYPE_CHECKING:
-    from mjfish.diagnosis.missing_force import MissingForce
-    from mjfish.estimation.intervals import Profile
-    from mjfish.estimation.residual import Residual
-    from mjfish.estimation.residual_tests import CrossCorrelation
 
 #: Colours by what they stand for.
 COLOURS = {

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.residual_tests import ALL
+from mjfish.estimation.intervals import Profile
+from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual_tests import ALL, ResidualTests
 from mjfish.files import make_folder
 from mjfish.frames import CHANNELS
 from mjfish.reporting.html import readings
@@ -21,11 +22,6 @@ from mjfish.reporting.html.figures import (
 )
 from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value
-
-if TYPE_CHECKING:
-    from mjfish.estimation.intervals import Profile
-    from mjfish.estimation.residual import Residual
-    from mjfish.estimation.residual_tests import ResidualTests
 
 
 def write_identification_figures(

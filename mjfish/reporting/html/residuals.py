@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis import DiagnosisData, Overlay
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 from mjfish.reporting.words import CHANNEL_NAMES
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 #: Bins of one beat, and of the speeds.
 BINS = 24
