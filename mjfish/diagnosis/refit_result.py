@@ -12,8 +12,6 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from mjfish.block_angular import span
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import Failure, Parts, attempted, failed, joined, note, noted
@@ -24,7 +22,7 @@ from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.execution import completed, execution, in_order
 from mjfish.kept import Kept
 from mjfish.parameter import Parameter
-from mjfish.serialise import plain
+from mjfish.serialise import plain, restored
 from mjfish.sized_cache import always
 
 #: Relative change of the sum of squares at which a refit stops.
@@ -222,10 +220,7 @@ def _recorded(
 def _restored(record: dict[str, Any], start: Problem, effects: dict[str, Effect]) -> Refit:
     """Return the refit of a record, to the last bit."""
     model = replace(start.model, effects=tuple(effects[name] for name in record["effects"]), step=record["step"])
-    declared = {name: Parameter(**own) for name, own in record["declared"].items()}
+    declared = restored(dict[str, Parameter], record["declared"])
     own = {name: record[name] for name in _OWN}
     problem = replace(start, model=model, declared={**start.declared, **declared}, **own)
-    end = record["end"]
-    arrays = {name: np.array(end[name]) for name in ("x", "ended", "at_bound")}
-    cost = np.nan if end["cost"] is None else end["cost"]
-    return Refit(problem.causes, problem, fit_at(problem, End(**{**end, **arrays, "cost": cost})), record["gain"])
+    return Refit(problem.causes, problem, fit_at(problem, restored(End, record["end"])), record["gain"])
