@@ -31,6 +31,8 @@ _LONGEST = 1.0 / 3.0
 #: Draws of the drift that the spectrum leaves open, from a grid of this many sizes and times.
 _DRAWS = 24
 _SIZES, _TIMES_BETWEEN = 49, 25
+#: Complex step, too small to be rounded.
+_IMAGINARY = 1e-30
 #: Share of the ordinates of a periodogram that are independent where Hann's window joins neighbours:
 #: 1 / (1 + 2 (2/3)^2 + 2 (1/6)^2).
 _INDEPENDENT = 18.0 / 35.0
@@ -90,7 +92,13 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
         level = float(np.log(0.7 * spread[c]))
         bounds = [(level - 9.0, level + 4.0)] * 2 + [(np.log(_TIMES[0]), np.log(most))]
         tried = [
-            optimize.minimize(cost, [level, level, np.log(time)], method="L-BFGS-B", bounds=bounds)
+            optimize.minimize(
+                cost,
+                [level, level, np.log(time)],
+                jac=functools.partial(_slopes, cost),
+                method="L-BFGS-B",
+                bounds=bounds,
+            )
             for time in _TIMES
             if time <= most
         ]
@@ -119,6 +127,11 @@ def _whittle(seen: Spectrum, power: FloatArray, share: FloatArray, step: float, 
     shape = step * (1.0 - decay**2) / (1.0 - 2.0 * decay * turn + decay**2)
     density = share * (white**2 * step + slow**2 * shape)
     return (np.log(density) + power / density) @ (seen.count * share)
+
+
+def _slopes(cost: Callable[[FloatArray], Any], x: FloatArray) -> FloatArray:
+    """Return the gradient (3,) of a cost at x (3,), by complex steps: differences would amplify rounding."""
+    return np.asarray(cost(x[:, None] + 1j * _IMAGINARY * np.eye(len(x))).imag / _IMAGINARY)
 
 
 def _drawn(

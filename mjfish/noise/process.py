@@ -87,21 +87,26 @@ def process_noise(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> Pro
     found = []
     for time in _TIMES:
 
-        def cost(x: FloatArray, time: float = time) -> float:
+        def cost(x: FloatArray, time: float = time) -> tuple[float, FloatArray]:
             return _whittle(ProcessNoise(np.exp(x[:3]), push=np.exp(x[3:]), time=time), mean, seen, step)
 
         bounds = [(s - 9.0, s + 4.0) for s in start]
-        found.append((optimize.minimize(cost, start, method="L-BFGS-B", bounds=bounds), time))
+        found.append((optimize.minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds), time))
     best, time = min(found, key=lambda pair: float(pair[0].fun))
     checked(np.asarray(best.fun))
     return ProcessNoise(readonly(np.exp(best.x[:3])), push=readonly(np.exp(best.x[3:])), time=time, jacobians=own)
 
 
-def _whittle(noise: ProcessNoise, mean: FloatArray, seen: Spectrum, step: float) -> float:
-    """Return minus Whittle's log-likelihood."""
+def _whittle(noise: ProcessNoise, mean: FloatArray, seen: Spectrum, step: float) -> tuple[float, FloatArray]:
+    """Return minus Whittle's log-likelihood, and its gradient (6,) by the logarithms of both standard deviations."""
     turn = 2.0 * np.pi * seen.frequency
     h = np.linalg.inv(1j * turn[:, None, None] * np.eye(3) - mean)
     q = 2.0 * noise.push**2 * noise.time / (1.0 + (turn[:, None] * noise.time) ** 2)
     density = np.einsum("fij,fj,fkj->fik", h, q, h.conj()) + np.diag(noise.sigma**2) * step
-    misfit = np.einsum("fij,fji->f", np.linalg.inv(density), seen.power).real
-    return float(seen.count @ (np.linalg.slogdet(density)[1] + misfit))
+    inverse = np.linalg.inv(density)
+    explained = inverse @ seen.power
+    value = float(seen.count @ (np.linalg.slogdet(density)[1] + np.einsum("fii->f", explained).real))
+    slopes = inverse - explained @ inverse
+    white = 2.0 * noise.sigma**2 * step * (seen.count @ np.einsum("fcc->fc", slopes).real)
+    pushed = 2.0 * seen.count @ (q * np.einsum("fij,fik,fkj->fj", h.conj(), slopes, h).real)
+    return value, np.concatenate([white, pushed])

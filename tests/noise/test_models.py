@@ -170,6 +170,18 @@ def test_drift_is_found_and_is_likelier_than_an_autoregression(swum: tuple[Probl
     assert left.log_likelihood(found) > left.log_likelihood(fair) + 100.0
 
 
+def test_noise_of_residuals_that_are_moved_by_rounding_is_the_same(swum: tuple[Problem, Fit]) -> None:
+    """Catches gradients by differences, which make 1e-5 of what is rounded."""
+    problem, one = swum
+    rng = np.random.default_rng(12)
+    blocks = [_drifting(rng, int(problem.mask(i).sum())) for i in range(2)]
+    moved = [block * (1.0 + 1e-13 * rng.standard_normal(block.shape)) for block in blocks]
+    jacobians = state_jacobians(problem, one.values)
+    for of in (lambda left: gauss_markov(left, remaining_power(left)), lambda left: process_noise(left, jacobians)):
+        here, there = (of(noise_sample(problem, each)) for each in (blocks, moved))
+        np.testing.assert_allclose(there.sigma, here.sigma, rtol=1e-9)
+
+
 def test_the_low_end_of_a_drift_of_any_time_is_right(swum: tuple[Problem, Fit]) -> None:
     """Slow effects are weighed by it; a time that is rounded to a grid makes it a half or twice as large."""
     problem = replace(swum[0], trials=5 * swum[0].trials)
