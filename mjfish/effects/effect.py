@@ -74,6 +74,7 @@ class Effect(ABC):
         resembles: codes of findings about the data (see `mjfish.inspection`) that look like this cause, or with
             which the data cannot show it.
         limits: names of formulas of its mechanism that it becomes at the ends of its parameters.
+        of_sensors: whether a cause of the drive acts on measured joint angles, too, as one of their sensors does.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
@@ -108,6 +109,7 @@ class Effect(ABC):
     calibration: ClassVar[Calibration | None] = None
     resembles: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[tuple[str, ...]] = ()
+    of_sensors: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None
@@ -119,7 +121,9 @@ class Effect(ABC):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
-        if self.domain == "drive" and all(trial.joints_measured for trial in dataset.trials):
+        if self.domain == "drive" and not (
+            self.of_sensors or any(not trial.joints_measured for trial in dataset.trials)
+        ):
             return "the joint angles were measured, so no servo stands between them and the model"
         return ""
 

@@ -20,16 +20,19 @@ def _zeros(joints: int) -> tuple[Parameter, ...]:
 class JointZeroOffset(Effect):
     """Joint i is bent by a constant: theta_i = theta_command,i + b_i. Rates and accelerations are those commanded.
 
+    Of angles that were measured, b_i is how far the zero of the sensor is off: theta_i = theta_measured,i + b_i.
+
     The offset of each joint is an amplitude of its own, numbered from the head on. The catalogue lists those of four
     joints; `for_fish` has as many as the fish.
     """
 
     name, domain, mechanism = "joint_zero_offset", "drive", "joint_zero"
-    summary = "the joints are not straight where they are told to be"
+    summary = "the joints are not straight where they are told, or measured, to be"
     parameters = _zeros(4)
     source = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
     signature = "the fish turns where it should swim straight, always to the same side"
-    confirm = "command zero to all joints and photograph the fish from above"
+    confirm = "photograph the fish from above with all joints at zero, as told or measured"
+    of_sensors = True
     fingerprint = Fingerprint(exponent=0.0, odd=True, part="everywhere")
 
     @classmethod

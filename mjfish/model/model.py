@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -179,14 +179,14 @@ class Model:
         fish = numbered(self.fish, values)
         for effect, own in active:
             fish = effect.body(fish, own)
-        servos = tuple((effect, tuple(own.items())) for effect, own in active if effect.domain == "drive")
+        servos = servos_of(active, trial)
         step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step, self.penalty_share), values)
         time, begun = beginning(active, trial, velocity, offset)
         return Prepared(
             active=active,
             fish=fish,
             motion=walked(
-                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), trial, servos),
+                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), servos),
                 trial.walk,
                 level=trial.level_walk,
             ),
@@ -304,12 +304,18 @@ def recorded_joints(trial: Trial, share: float = measured.ALLOWED) -> tuple[meas
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 
 
-def joint_motion(asked: JointMotion, trial: Trial, servos: Servos) -> JointMotion:
-    """Return the joint motion that the joints got: the one asked for, through every effect of domain ``drive``.
+def servos_of(active: Iterable[tuple[Effect, Values]], trial: Trial) -> Servos:
+    """Return the effects between the angles of a trial and the joints: of measured angles those of their sensors."""
+    return tuple(
+        (effect, tuple(own.items()))
+        for effect, own in active
+        if effect.domain == "drive" and (effect.of_sensors or not trial.joints_measured)
+    )
 
-    Measured joint angles are what the joints got; nothing comes in between.
-    """
-    return asked if trial.joints_measured or not servos else _driven(asked, servos)
+
+def joint_motion(asked: JointMotion, servos: Servos) -> JointMotion:
+    """Return the joint motion that the joints got: the one asked for, or measured, through the effects of `servos`."""
+    return _driven(asked, servos) if servos else asked
 
 
 def driven(motion: JointMotion, servos: Servos) -> JointMotion:

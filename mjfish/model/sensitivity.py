@@ -24,7 +24,7 @@ from mjfish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
-from mjfish.model.model import beginning, driven, joint_motion
+from mjfish.model.model import beginning, driven, joint_motion, servos_of
 from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
@@ -230,7 +230,7 @@ class _At:
     @property
     def servos(self) -> Active:
         """The effects between what the joints are asked for and what they do."""
-        return tuple((e, tuple(own.items())) for e, own in self.run.active if e.domain == "drive")
+        return servos_of(self.run.active, self.trial)
 
     def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
@@ -258,7 +258,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if kind == "wave":
         return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
     if kind == "walk":
-        due = joint_motion(asked_motion(at.model.fish.cpg, at.trial, at.run.step), at.trial, at.servos)
+        due = joint_motion(asked_motion(at.model.fish.cpg, at.trial, at.run.step), at.servos)
         return Direction(motion=along_mode(due, at.trial.walk, int(short), level=at.trial.level_walk)), None
     effect = _owner(at.model, name)
     if effect is None and name not in at.model.fish.coefficient_names:
@@ -283,8 +283,8 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
-    if effect.overrides("drive") and not at.trial.joints_measured:
-        servos = tuple(active for active in at.kept(effect) if active[0].domain == "drive")
+    if effect.overrides("drive") and (effect.of_sensors or not at.trial.joints_measured):
+        servos = servos_of([(e, dict(own)) for e, own in at.kept(effect)], at.trial)
         asked = asked_motion(at.model.fish.cpg, at.trial, at.run.step)
         motion = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
     if effect.load is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from recovery import derivative_error, deviations, refitted, strength, synthetic
 
+from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
@@ -77,3 +79,25 @@ def test_hidden_offsets_are_found_again(pike: Fish) -> None:
     assert found.status == "converged"
     assert max(map(abs, deviations(found, ZERO, BEND).values())) < 4.0
     assert max(found.sigma[f"joint_zero_offset.{short}"] for short in BEND) < 0.01
+
+
+def _measured(pike: Fish, trial: Trial) -> Trial:
+    """Return the trial with the angles that its joints were told as measured ones."""
+    command = cpg.joint_motion(pike.cpg, trial.drive, float(trial.time[-1]) + 0.1, 0.005)
+    return replace(trial, drive=(), joint_angle=readonly(command.angle_at(trial.time)))
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_sensor_of_a_joint_has_a_zero_too(pike: Fish, turning: Trial, share: float) -> None:
+    """Measured angles are moved as commands are, with their derivatives. Catches measured joints that are left alone."""
+    trial = _measured(pike, turning)
+    assert ZERO.not_applicable(Dataset("d", pike, (trial,))) == ""
+    assert derivative_error(pike, trial, ZERO, {n: share * bend for n, bend in BEND.items()}, "joint_2") < 1e-7
+    model = Model(pike, (ZERO,))
+    values = {f"joint_zero_offset.{short}": bend for short, bend in BEND.items()}
+    moved = replace(trial, joint_angle=readonly(trial.joint_angle + list(BEND.values())))  # type: ignore[operator]
+    np.testing.assert_allclose(
+        model.predict(trial, model.values(values)).velocity,
+        model.predict(moved, model.values({})).velocity,
+        atol=1e-9,
+    )
