@@ -138,7 +138,7 @@ def _write_fish(result: Identification, file: Path) -> None:
 
     fixed = result.problem.fixed if result.problem is not None else {}
     fish = identified_fish(result.dataset.fish, result.fit, fixed)
-    write(file, fish, origin(result.dataset.fish, result.dataset.name, result.fit, fixed))
+    write(file, fish, origin(result))
 
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:
@@ -155,11 +155,9 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
 def _coefficients(result: Identification) -> Table:
     headings = ("parameter", "estimate", "low", "high", "standard error", "remark")
     table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter", "remark"))
-    fit, assessment = result.fit, result.assessment
-    for index, (p, at_bound) in enumerate(zip(fit.parameters, fit.at_bound, strict=True)):
-        low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
-        sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
-        cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
+    for p, at_bound in zip(result.fit.parameters, result.fit.at_bound, strict=True):
+        found = (result.fit.values[p.name], *result.interval(p.name), result.sigma[p.name])
+        cells = (number(value, 4) for value in found)
         table.add_row(p.name, *cells, "at its bound" if at_bound else "")
     return table
 

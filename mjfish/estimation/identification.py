@@ -146,6 +146,17 @@ class Identification(Result):
         fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
         return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
 
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of an estimate, for residuals that are correlated; of a fit that was lost, plain."""
+        return (self.fit if self.assessment is None else self.assessment.intervals).interval(name)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """The standard errors behind these intervals, by name."""
+        if self.assessment is None:
+            return self.fit.sigma
+        return dict(zip(self.assessment.intervals.names, self.assessment.intervals.sigma.tolist(), strict=True))
+
     def summary(self) -> str:
         """Return status, errors and coefficients, a line each; at most ten."""
         fit, width = self.fit, max(len(p.name) for p in self.fit.parameters)
@@ -166,7 +177,7 @@ class Identification(Result):
         room = _SUMMARY_LINES - len(lines)
         shown = shared if len(shared) <= room else shared[: room - 1]
         for k in shown:
-            p, (low, high) = fit.parameters[k], fit.interval(fit.parameters[k].name)
+            p, (low, high) = fit.parameters[k], self.interval(fit.parameters[k].name)
             bound = "  at its bound" if fit.at_bound[k] else ""
             lines.append(f"  {p.name:{width}} = {fit.x[k]:.4g} ({low:.4g} to {high:.4g}) {p.unit}{bound}")
         if len(shown) < len(shared):
@@ -190,9 +201,9 @@ class Identification(Result):
             "parameters": {
                 p.name: {
                     "estimate": solution.values[p.name],
-                    "standard_error": solution.sigma[p.name],
-                    "low": solution.interval(p.name)[0],
-                    "high": solution.interval(p.name)[1],
+                    "standard_error": self.sigma[p.name],
+                    "low": self.interval(p.name)[0],
+                    "high": self.interval(p.name)[1],
                     "unit": p.unit,
                     "at_bound": bool(at_bound),
                     "deviation": p.deviation(solution.values[p.name]) if p.sd is not None else None,
@@ -456,27 +467,20 @@ def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = No
     return fish.with_numbers(fit.values).with_coefficients(changed)
 
 
-def origin(fish: Fish, dataset: str, fit: Fit, fixed: Mapping[str, float] | None = None) -> list[str]:
-    """Return lines that say where the numbers of the identified fish come from, for the top of its file.
-
-    Args:
-        fish: the fish.
-        dataset: name of the dataset.
-        fit: of the fish.
-        fixed: coefficients that the fit was told.
-    """
+def origin(found: Identification) -> list[str]:
+    """Return lines that say where the numbers of the identified fish come from, for the top of its file."""
+    fit, fixed = found.fit, {} if found.problem is None else found.problem.fixed
+    at_bound = {p.name for p, rests in zip(fit.parameters, fit.at_bound, strict=True) if rests}
     lines = [
-        f"Coefficients identified from the dataset '{dataset}' by mjfish {version('mjfish')}: {fit.status},",
+        f"Coefficients identified from the dataset '{found.dataset.name}' by mjfish {version('mjfish')}: {fit.status},",
         f"sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate +- standard error:",
     ]
-    for name in fish.coefficient_names:
+    for name in found.dataset.fish.coefficient_names:
         if name in fit.values:
-            at_bound = fit.at_bound[[p.name for p in fit.parameters].index(name)]
-            error = "at its bound" if at_bound else f"+- {fit.sigma[name]:.2g}"
+            error = "at its bound" if name in at_bound else f"+- {found.sigma[name]:.2g}"
             lines.append(f"  {name} = {fit.values[name]:.6g} {error}")
         else:
-            where = "held fixed" if name in (fixed or {}) else "not fitted"
-            lines.append(f"  {name} {where}")
+            lines.append(f"  {name} {'held fixed' if name in fixed else 'not fitted'}")
     if fit.status != "converged":
         lines.append(f"The fit {fit.status}: {fit.message}")
     return lines

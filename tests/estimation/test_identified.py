@@ -23,7 +23,7 @@ from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, fit
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.identification import identified_fish, origin
+from mjfish.estimation.identification import Identification, identified_fish, origin
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_rows
@@ -50,6 +50,11 @@ def found(synthetic: Dataset) -> Fit:
     return one
 
 
+def _identification(synthetic: Dataset, found: Fit) -> Identification:
+    """Return what was found without an assessment, the coefficients of `FIXED` told."""
+    return Identification(synthetic, found, np.ones(3), (), (), problem=problem(synthetic, fixed=FIXED))
+
+
 def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: Dataset, found: Fit) -> None:
     fish = identified_fish(synthetic.fish, found, FIXED)
     assert fish.values == {**found.values, **FIXED}
@@ -66,7 +71,7 @@ def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: 
 def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
     fish = identified_fish(synthetic.fish, found, FIXED)
-    told = origin(fish, "pool --\n", found, FIXED)
+    told = origin(_identification(replace(synthetic, name="pool --\n"), found))
     fish_toml.write(tmp_path / "fish.toml", fish, told)
     assert load_fish(tmp_path / "fish.toml") == fish
     export.write(tmp_path / "fish.xml", fish, comments=told)
@@ -82,7 +87,7 @@ def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset
 
 def test_a_fit_that_stopped_early_says_so_on_top(synthetic: Dataset) -> None:
     stopped = fit(problem(synthetic), evaluations=1)
-    assert "The fit stopped: the most evaluations were used, 1" in origin(synthetic.fish, "pool", stopped)
+    assert "The fit stopped: the most evaluations were used, 1" in origin(_identification(synthetic, stopped))
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:
