@@ -11,7 +11,7 @@ from rich import box
 
 import mjfish
 from mjfish.cli import console
-from mjfish.reporting.words import NONE, number
+from mjfish.formats import NONE, number
 
 if TYPE_CHECKING:
     from mjfish.comparison import Comparison, Shift, TrialComparison

@@ -14,7 +14,7 @@ from rich.table import Table
 import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
-from mjfish.files import check_folder, make_folder
+from mjfish.files import make_folder
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, Splits
@@ -107,6 +107,10 @@ def diagnose(
         then = _of_extended(result, extended or (out / _EXTENDED if out is not None else None), written)
         if curves is not None and out is None and curves not in written:
             then.append(("curves", f"No curve was written to {curves}: no mechanism is named whose form is a curve."))
+        if out is not None:
+            then.append(("view", f"{console.program()} view {rrd}"))
+        if out is not None and result.best:
+            then.append(("swim", f"{console.program()} simulate --fish {extended} --out {out / 'swim'}"))
         show(result, str(dataset), written, then, verbose=verbose)
         if divided is not None:
             show_splits(divided)
@@ -127,21 +131,8 @@ def demo(
     verbose: Verbose = False,
 ) -> None:
     """Run the main job on a shipped dataset with a hidden effect."""
-    out = out or Path("out/learned" if learned else "out/demo")
-    check_folder(out)
-    with console.stoppable() as written:
-        with console.progress_bar("reading the data") as tell:
-            result = mjfish.diagnose(mjfish.load_dataset(LEARNED if learned else DEMO), progress=tell)
-        make_folder(out)
-        _write(result, _files(out, result), written)
-        if result.write_curves(out / "curves"):
-            written.append(out / "curves")
-    program = console.program()
-    then = [*_of_extended(result, out / _EXTENDED, written), ("view", f"{program} view {out / 'fish.rrd'}")]
-    if result.best:
-        then.append(("swim", f"{program} simulate --fish {out / _EXTENDED} --out {out / 'swim'}"))
-    show(result, str(LEARNED if learned else DEMO), written, then, verbose=verbose)
-    _leave(result)
+    own = Path("out/learned" if learned else "out/demo")
+    diagnose(LEARNED if learned else DEMO, out=out or own, verbose=verbose)
 
 
 def effects(effects: console.Own = None) -> None:

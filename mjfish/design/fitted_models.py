@@ -17,7 +17,6 @@ from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
 from mjfish.diagnosis import Diagnosis, FittedModel
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.diagnosis.result import SCHEMA
 from mjfish.effects import Causes, Effect, catalogue
@@ -28,6 +27,7 @@ from mjfish.estimation.identification import first_sigma
 from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.noise.autoregressive import estimate
+from mjfish.progress import Progress
 
 _TOLERANCE = 1e-6
 

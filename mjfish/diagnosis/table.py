@@ -60,6 +60,7 @@ class Row:
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with these causes in the
             model; None where nothing is held out.
         sizes: estimates of the causes' parameters by full name.
+        delays: of the joints behind their command by beat frequency, where servo dynamics are among the causes.
         chosen: selection frequency. Each fitted run is left out in turn, and nothing is refitted: the share of these
             cases in which the set is the best of its size. None where one run alone was fitted.
     """
@@ -84,6 +85,7 @@ class Row:
     error: float | None = None
     held_out_error: float | None = None
     sizes: Mapping[str, Estimate] = field(default_factory=dict)
+    delays: Mapping[str, Estimate] = field(default_factory=dict)
 
     @classmethod
     def of(

@@ -153,9 +153,8 @@ class Identification(Result):
     @property
     def sigma(self) -> dict[str, float]:
         """The standard errors behind these intervals, by name."""
-        if self.assessment is None:
-            return self.fit.sigma
-        return dict(zip(self.assessment.intervals.names, self.assessment.intervals.sigma.tolist(), strict=True))
+        known = None if self.assessment is None else self.assessment.intervals
+        return self.fit.sigma if known is None else dict(zip(known.names, known.sigma.tolist(), strict=True))
 
     def summary(self) -> str:
         """Return status, errors and coefficients, a line each; at most ten."""

@@ -20,7 +20,7 @@ from mjfish.estimation.identification import first_sigma, origin
 from mjfish.estimation.settings import Settings
 from mjfish.files import write_json
 from mjfish.fish import Fish
-from mjfish.reporting.words import number
+from mjfish.formats import number
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from mjfish.data import Sensor, Trial
 from mjfish.diagnosis import Diagnosis, Overlay, SensorOverlay
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.residual_tests import ALL, Autocorrelation
+from mjfish.formats import CHANNEL_NAMES, channel_name, p_value, unit
 from mjfish.frames import CHANNELS, UNITS
-from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value, unit
 
 if TYPE_CHECKING:
     from mjfish.diagnosis.missing_force import MissingForce

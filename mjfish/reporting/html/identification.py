@@ -11,6 +11,7 @@ import numpy as np
 from mjfish.estimation.agreement import agreement
 from mjfish.estimation.residual_tests import ALL
 from mjfish.files import make_folder
+from mjfish.formats import CHANNEL_NAMES, channel_name, p_value
 from mjfish.frames import CHANNELS
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.figures import (
@@ -20,7 +21,6 @@ from mjfish.reporting.html.figures import (
     residual_figure,
 )
 from mjfish.reporting.html.pages import Block, Section, write_figures
-from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value
 
 if TYPE_CHECKING:
     from mjfish.estimation.intervals import Profile

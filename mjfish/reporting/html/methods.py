@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.thresholds import THRESHOLDS
+from mjfish.formats import number, p_value
 from mjfish.noise import (
     Autoregressive,
     DifferentiationNoise,
@@ -16,7 +16,6 @@ from mjfish.noise import (
     NoiseByRate,
     ProcessNoise,
 )
-from mjfish.reporting.words import estimate, interval, number, p_value, percent, unit
 
 #: Works that the text may cite, by key.
 REFERENCES = {
@@ -40,23 +39,15 @@ NOISE_WORDS: dict[type[Noise], str] = {
 }
 
 
-@dataclass(frozen=True)
-class Methods:
-    """The text, by paragraph, and the works that it cites, by key."""
-
-    paragraphs: tuple[str, ...]
-    references: dict[str, str]
-
-
-def methods(diagnosis: Diagnosis) -> Methods:
-    """Return the methods of a diagnosis.
+def methods(diagnosis: Diagnosis) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the methods of a diagnosis, by paragraph, and the works that they cite, by key.
 
     Numbers are those of this diagnosis; what was not done is not said.
     """
     parts = (_data(diagnosis), _tests(diagnosis), _causes(diagnosis), _held_out(diagnosis), _rest(diagnosis))
     paragraphs = tuple(" ".join(sentences) for part in parts if (sentences := list(part)))
     cited = {key: work for key, work in REFERENCES.items() if any(f"[{key}]" in text for text in paragraphs)}
-    return Methods(paragraphs, cited)
+    return paragraphs, cited
 
 
 def noise_words(noise: Noise) -> str:
@@ -112,21 +103,15 @@ def _causes(diagnosis: Diagnosis) -> Iterable[str]:
         if effect is not None and effect.learned:
             yield "Its form was learned: values of curves, kept smooth by a prior [Wood2017]."
             continue
-        sizes = [
-            f"{name} = {estimate(value)} {unit(value.unit)}".strip()
-            + (f" (95 % interval {interval(value)})" if interval(value) else "")
-            for name, value in cause.parameters.items()
-        ]
-        yield f"Estimates: {'; '.join(sizes)}."
+        sizes = [f"{name} = {value.told}" for name, value in cause.parameters.items()]
+        yield f"Estimates with 95 % intervals: {'; '.join(sizes)}."
 
 
 def _held_out(diagnosis: Diagnosis) -> Iterable[str]:
-    if (gain := diagnosis.gain) is not None and diagnosis.best:
+    if diagnosis.gain is not None and diagnosis.best:
         yield (
-            f"On the held-out trials the root-mean-square error, in shares of the range of each channel, is "
-            f"{percent(gain.nominal['pooled'])} of the nominal and {percent(gain.extended['pooled'])} of the extended "
-            f"model, {percent(gain.relative_reduction, 2)} less (95 % interval {percent(gain.low, 2)} to "
-            f"{percent(gain.high, 2)}, block bootstrap)."
+            "Error on held-out trials (root mean square over the range of each channel, 95 % interval by block "
+            f"bootstrap): {diagnosis.held_out}."
         )
 
 

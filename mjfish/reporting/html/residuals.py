@@ -10,9 +10,9 @@ import plotly.graph_objects as go
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.estimation.omnibus import beat_phase
+from mjfish.formats import CHANNEL_NAMES
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
-from mjfish.reporting.words import CHANNEL_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
