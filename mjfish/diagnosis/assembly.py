@@ -151,7 +151,7 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
     """Return a diagnosis without a comparison: what failed, and the nominal model as it was declared, not fitted."""
     problem, dataset, failures = begun.problem, begun.dataset, begun.parts.failures
     decision = withheld(Decision("cannot_tell", (), "Nothing was compared."), failures)
-    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
+    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit, settled=False) for p in problem.model.parameters}
     held = dataset.split()[1]
     effects = {effect.name: effect for effect in begun.candidates}
     return Diagnosis(

@@ -36,8 +36,26 @@ QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_curr
 
 
 @pytest.fixture(scope="module")
-def named() -> Diagnosis:
-    return diagnose(draw("time_offset", "middling", trials=4).dataset, effects=QUICK, jobs=1, seed=3)
+def named(told: list[tuple[str, float]]) -> Diagnosis:
+    data = draw("time_offset", "middling", trials=4).dataset
+    return diagnose(data, effects=QUICK, jobs=1, seed=3, progress=lambda what, done: told.append((what, done)))
+
+
+@pytest.fixture(scope="module")
+def told() -> list[tuple[str, float]]:
+    """What the diagnosis tells of its progress."""
+    return []
+
+
+def test_progress_never_falls_and_moves_with_the_work(named: Diagnosis, told: list[tuple[str, float]]) -> None:
+    """It stood at one number for minutes: no stage of this diagnosis is told once."""
+    assert named.verdict == "named"
+    shares = [done for _, done in told]
+    assert shares == sorted(shares)
+    assert (shares[0], told[-1]) == (0.0, ("done", 1.0))
+    stages = {what: [done for name, done in told if name == what] for what, _ in told[:-1]}
+    assert len(stages) > 4
+    assert min(len(set(own)) for what, own in stages.items() if what != "testing the data") > 5
 
 
 def test_draws_come_from_the_extended_model_with_the_errors_of_its_intervals(named: Diagnosis) -> None:

@@ -97,7 +97,7 @@ def test_what_leaves_something_is_not_said_to_leave_nothing() -> None:
     found = diagnosis()
     best, *rest = found.candidates
     assert _said(replace(found, candidates=(_leaving(best), *rest)))["servo_lag"] == (
-        "The cause: with it in the model something systematic is left."
+        "The cause: with it in the model something systematic is left, 9.09\N{NO-BREAK SPACE}% of the misfit."
     )
     found = diagnosis("cannot_tell")
     best, second, *rest = (_leaving(c) if c.row is not None and c.row.tests else c for c in found.candidates)
