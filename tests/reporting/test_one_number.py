@@ -181,7 +181,7 @@ def test_errors_of_channels_are_those_of_the_page(found: Diagnosis, terminal: st
     assert found.gain is not None
     (table,) = page.every("table", "errors")
     rows = {next(row.every("th")).text: [_plain(cell.text) for cell in row.every("td")] for row in table.every("tr")}
-    lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in terminal.splitlines() if "│" in line]
+    lines = (re.split(r"\s{2,}", line.strip()) for line in terminal.splitlines())
     printed = {cells[0]: cells[1:] for cells in lines}
     for name, values, _, _ in found.gain.rows:
         assert [cell for cell in rows[channel_name(name)] if cell] == printed[channel_name(name)]
