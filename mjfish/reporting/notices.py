@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from mjfish.diagnosis import DiagnosisData
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mjfish.diagnosis import DiagnosisData
 
 
 def notices(diagnosis: DiagnosisData) -> tuple[tuple[str, str, str], ...]:
