@@ -189,7 +189,7 @@ def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagn
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     named.save(tmp_path / "diagnosis.json")
     saved = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert saved["schema"] == 4
+    assert saved["schema"] == 5
     assert saved["verdict"] == "named"
     cause = saved["causes"][0]
     assert cause["name"] == "time_offset"
