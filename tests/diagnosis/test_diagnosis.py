@@ -27,6 +27,7 @@ from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.formats import percent
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
@@ -151,7 +152,7 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
         assert candidate.row is not None
         assert candidate.row.held_out_error is not None
         ratio = candidate.row.held_out_error / result.gain.nominal["pooled"]
-        assert f"is {ratio - 1.0:.1%} larger than without it" in result.message
+        assert f"is {percent(ratio - 1.0)} larger than without it" in result.message
         if candidate.row.held_out is not None:  # the sentence has the sign that the table has
             assert ("although its log-likelihood is" in result.message) == (candidate.row.held_out.gained > 0.0)
 
