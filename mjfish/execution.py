@@ -24,12 +24,15 @@ from threadpoolctl import threadpool_limits
 from mjfish.errors import WorkerError
 from mjfish.executors import fan_out
 from mjfish.kept import Kept
+from mjfish.progress import Meter
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 #: Idents of the threads of this process that work on a task, of any call; who waits for tasks of its own counts, too.
 _AT_WORK: set[int] = set()
+#: Of work that nobody asked to be told of.
+_UNHEARD = Meter()
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,14 @@ class Execution:
         executor: takes whole fits in place of the threads; None: they do those as well.
         kept: where finished refits of a diagnosis are kept; None: nowhere.
         limit: seconds that one try of a candidate may take.
+        meter: of the work that is done.
     """
 
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     executor: Executor | None = None
     kept: Kept | None = None
     limit: float = math.inf
+    meter: Meter = _UNHEARD
 
 
 _CURRENT: ContextVar[Execution] = ContextVar("execution")
@@ -59,7 +64,11 @@ def execution() -> Execution:
 
 @contextmanager
 def executing(
-    jobs: int | None = None, executor: Executor | None = None, kept: Kept | None = None, limit: float | None = None
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    kept: Kept | None = None,
+    limit: float | None = None,
+    meter: Meter | None = None,
 ) -> Iterator[None]:
     """Do the work of the block as these attributes of `Execution` say; one that is None stays as it is outside.
 
@@ -69,7 +78,7 @@ def executing(
         ...     execution().jobs
         2
     """
-    given: dict[str, Any] = {"jobs": jobs, "executor": executor, "kept": kept, "limit": limit}
+    given: dict[str, Any] = {"jobs": jobs, "executor": executor, "kept": kept, "limit": limit, "meter": meter}
     here = replace(execution(), **{name: value for name, value in given.items() if value is not None})
     token = _CURRENT.set(here)
     try:

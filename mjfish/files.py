@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from mjfish.errors import InputError, UnwritableError
-from mjfish.serialise import plain
 
 #: A list of nothing but numbers, a line each, as `json` writes it: no string has a line break.
 _NUMBERS = re.compile(r"\[\n[^\[\]{}\"]+\n *\]")
@@ -61,6 +60,8 @@ def write_json(path: Path, content: Any) -> None:
 
 def json_text(content: Any) -> str:
     """Return plain data as `write_json` writes it: indented, but a list of nothing but numbers takes one line."""
+    from mjfish.serialise import plain
+
     text = json.dumps(plain(content), indent=2, allow_nan=False)
     return _NUMBERS.sub(lambda found: " ".join(found[0].split()).replace("[ ", "[").replace(" ]", "]"), text) + "\n"
 

@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 from rich.text import Text
 
@@ -43,10 +51,9 @@ STDOUT = Path("-")
 _NARROWEST = 40
 #: Width at which every table fits, and characters of a name that stay on one line of it.
 _ENDLESS, _SHORTEST = 10_000, 14
-#: Seconds between lines of progress.
-_EVERY = 20.0
-#: Share that must be done before the time left is told: before, it is mostly that of the compiler.
-_ESTIMABLE = 0.2
+#: Seconds between lines of progress, and the least share of the work that is shown; the time left is told from the
+#: speed of the last minutes.
+_EVERY, _SHOWN, _MINUTES = 20.0, 0.001, 300.0
 
 #: Option of commands whose work may go to other machines.
 Cluster = Annotated[
@@ -205,47 +212,56 @@ def progress_bar(first: str = "starting", *, quiet: bool = False) -> Iterator[Ca
     """
     if quiet:
         yield lambda _what, _done: None
-    elif err.is_terminal:
-        text = TextColumn("{task.description}", markup=False)
-        columns = (SpinnerColumn(), text, BarColumn(), TimeElapsedColumn(), _TimeLeft())
-        with Progress(*columns, console=err, transient=True) as bar:
-            task = bar.add_task(first, total=1.0)
-            stage = _Stage(first, lambda what, done: bar.update(task, description=what, completed=done))
-            with _watching(stage):
-                yield stage.tell
-    else:
-        stage = _Stage(first, _progress_lines())
-        stage.tell(first, 0.0)
+        return
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+        speed_estimate_period=_MINUTES,
+    ) as bar:
+        stage = _Stage(first, bar)
         with _watching(stage):
             yield stage.tell
 
 
-def _left(elapsed: float, done: float) -> str:
-    """Return in words how long the rest takes if it goes on as so far."""
-    return f"about {elapsed * (1.0 / done - 1.0):.0f} s left" if _ESTIMABLE <= done < 1.0 else ""
-
-
-class _TimeLeft(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        return Text(_left(task.elapsed or 0.0, task.completed))
-
-
 class _Stage:
-    """What is being done, and whether it waits for the compiler; functions may be compiled in other threads."""
+    """What is being done, and whether it waits for the compiler; functions may be compiled in other threads.
 
-    def __init__(self, what: str, show: Callable[[str, float], None]) -> None:
-        self._show, self._what, self._done, self._compiling = show, what, 0.0, 0
+    Where the bar is not shown, a line is printed: at once, when something is compiled, and every `_EVERY` seconds.
+    """
 
-    def tell(self, what: str, done: float) -> None:
-        self._what, self._done = what, done
+    def __init__(self, what: str, bar: Progress) -> None:
+        self._bar, self._what, self._done, self._compiling = bar, what, 0.0, 0
+        bar.add_task(what, total=1.0)
+        self._task, self._due, self._compiled = bar.tasks[-1], -math.inf, False
         self._shown()
 
+    def tell(self, what: str, done: float) -> None:
+        """Show what is being done and the share that is done."""
+        if what != self._what or done >= min(self._done + _SHOWN, 1.0):
+            self._what, self._done = what, done
+            self._shown()
+
     def compile(self, more: int) -> None:
+        """Count functions that are being compiled."""
         self._compiling += more
         self._shown()
 
     def _shown(self) -> None:
-        self._show(f"{self._what}: compiling, once" if self._compiling else self._what, self._done)
+        what = f"{self._what}: compiling, once" if self._compiling else self._what
+        self._bar.update(self._task.id, description=what, completed=self._done)
+        first = self._compiling > 0 and not self._compiled
+        if self._bar.disable and (first or time.monotonic() >= self._due):
+            rest = self._task.time_remaining
+            left = "" if rest is None else f", about {rest:.0f} s left"
+            err.print(f"{what} ({self._done:.0%}{left})", soft_wrap=True)
+            self._due, self._compiled = time.monotonic() + _EVERY, self._compiled or first
 
 
 @contextmanager
@@ -264,22 +280,6 @@ def _watching(stage: _Stage) -> Iterator[None]:
 
     with event.install_listener("numba:compile", Listener()):
         yield
-
-
-def _progress_lines() -> Callable[[str, float], None]:
-    """Return a function that prints a line: the first at once, and of compiling, others every `_EVERY` seconds."""
-    begun, last, compiled = time.monotonic(), -math.inf, False
-
-    def tell(what: str, done: float) -> None:
-        nonlocal last, compiled
-        compiling = what.endswith("compiling, once")
-        now = time.monotonic()
-        if (compiling and not compiled) or now - last >= _EVERY:
-            left = _left(now - begun, done)
-            err.print(f"{what} ({done:.0%}, {left})" if left else f"{what} ({done:.0%})", soft_wrap=True)
-            last, compiled = now, compiled or compiling
-
-    return tell
 
 
 def numbers(text: str, count: int, what: str) -> list[float]:

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mjfish.cli import console
-from mjfish.reporting.words import NONE, channel_name, estimate, interval, named_as, number, p_value, percent, unit
+from mjfish.formats import NONE, channel_name, counted, number, p_value, percent, unit
+from mjfish.reporting.notices import notices
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from mjfish.diagnosis import DiagnosisData, Estimate, Splits
+    from mjfish.diagnosis.held_out import Gain
     from mjfish.diagnosis.table import Table as Evidence
 
 #: Lines of a diagnosis, where not everything is asked for.
@@ -23,12 +25,6 @@ LINES = 15
 #: Standard errors by which a coefficient must move to be listed.
 _MOVED = 2.0
 _COLOURS = {"named": "green", "nothing_wrong": "green", "cannot_tell": "yellow", "unexplained": "red"}
-#: What to do about a status that is not ok.
-_REMEDIES = {
-    "fit_not_converged": "a fit stopped before its optimum, and the numbers may be off; look for a better optimum with "
-    "'mjfish identify DATASET --starts 16', and start from it (table [start] of dataset.toml)",
-    "failed": "a part of the diagnosis failed, and nothing is claimed; mend it, or leave it out, and diagnose again",
-}
 
 
 class _Item(NamedTuple):
@@ -65,13 +61,15 @@ def show(
         verbose: all of it and the tables; else `LINES` lines at most.
     """
     if result.status != "ok":
-        console.complain(result.status, _REMEDIES.get(result.status, "take the numbers with care"))
+        console.complain(result.status, result.caution.replace("DATASET", dataset))
     first = [_Item(result.verdict, result.message, f"bold {_COLOURS[result.verdict]}")]
-    gain = _gain_item(result)
-    nothing = "nothing; --out DIR writes report, numbers, curves, log and the extended fish"
-    wrote = console.listed(written) or nothing
-    last = [_Item(_word(w), text) for w, text in (("next", _next(result, dataset)), ("wrote", wrote), *then)]
-    sizes, remarks = list(_sizes(result)), list(_remarks(result))
+    gain = [_Item(_word("held out"), result.held_out)] if result.held_out else []
+    steps = [step.replace("mjfish ", f"{console.program()} ").replace("DATASET", dataset) for step in result.next]
+    wrote = console.listed(written) or "nothing; --out DIR writes report, numbers, curves, log and the extended fish"
+    told = (*(("next", step) for step in (steps if verbose else steps[:1])), ("wrote", wrote), *then)
+    last = [_Item(_word(word), text) for word, text in told]
+    sizes = list(_sizes(result))
+    remarks = [_Item(_word(kind), text) for kind, _, text in notices(result) if kind != "status"]
     if verbose:
         _print([*first, *sizes, *gain, *remarks, *last])
         _rest(result)
@@ -80,9 +78,12 @@ def show(
     kept = _fitting(sizes, max(room, 1))
     room = max(room - sum(item.lines() for item in kept), 0)
     shown = remarks if _fitting(remarks, room) == remarks else [item.shortened() for item in remarks][:room]
-    counts = (("size", len(sizes) - len(kept)), ("remark", len(remarks) - len(shown)))
-    left = [f"{count} more {what}{'s' if count > 1 else ''}" for what, count in counts if count]
-    more = _Item(_word("more"), f"{', '.join([*left, 'candidates and tables'])}: --verbose", "dim")
+    counts = {
+        "more size": len(sizes) - len(kept),
+        "more remark": len(remarks) - len(shown),
+    }
+    left = [counted(count, what) for what, count in counts.items() if count]
+    more = _Item(_word("more"), f"{', '.join([*left, 'steps, candidates, tables'])}: --verbose", "dim")
     _print([*first, *kept, *gain, *shown, *last, more])
 
 
@@ -104,7 +105,7 @@ def _fitting(items: Sequence[_Item], room: int) -> list[_Item]:
 def _sizes(result: DiagnosisData) -> Iterator[_Item]:
     """Yield the mechanisms with their curves, and the sizes of causes but for values of smooth curves."""
     for mechanism in result.mechanisms:
-        yield _Item(_word("mechanism"), named_as(mechanism))
+        yield _Item(_word("mechanism"), mechanism.told)
         yield from (_Item(_word("  curve"), curve.summary()) for curve in mechanism.curves)
     if result.verdict == "nothing_wrong":
         apart = result.isolability
@@ -119,77 +120,19 @@ def _sizes(result: DiagnosisData) -> Iterator[_Item]:
     for name, value in own.items():
         if name not in knots:
             yield _size(word, name, value)
+    yield from (_Item(_word("delay"), f"of the joints {told}") for told in result.delays)
     if unread := len(knots.intersection(own)):
-        yield _Item(_word(word), f"and {unread} values of smooth curves, which --json writes")
+        yield _Item(_word(word), f"and {counted(unread, 'value')} of smooth curves, which --json writes")
 
 
 def _size(word: str, name: str, value: Estimate) -> _Item:
-    known = f"({ends})" if (ends := interval(value)) else "(on its bound)"
-    sized = f"{estimate(value)} {unit(value.unit)}".rstrip()
-    return _Item(_word(word), f"{name} {sized} {known}{'' if word == 'size' else ', not named'}")
-
-
-def _gain_item(result: DiagnosisData) -> list[_Item]:
-    gain = result.gain
-    if gain is None:
-        return []
-    before, after = (percent(errors["pooled"]) for errors in (gain.nominal, gain.extended))
-    if not result.best:
-        return [_Item(_word("held out"), f"nRMSE {before} of the nominal model, which was not extended")]
-    less = f"{percent(gain.relative_reduction)} less ({percent(gain.low)} to {percent(gain.high)})"
-    return [_Item(_word("held out"), f"nRMSE {before} before, {after} after: {less}")]
-
-
-def _remarks(result: DiagnosisData) -> Iterator[_Item]:
-    """Yield findings and remarks, the worst first."""
-    for finding in result.checks.findings:
-        yield _Item(_word(finding.severity), f"{finding.code}: {finding.message}")
-    for remark in result.remarks:
-        yield _Item(_word("remark"), remark)
-
-
-def _next(result: DiagnosisData, dataset: str) -> str:
-    """Return what to do next, in one sentence."""
-    program = console.program()
-    if result.failures:
-        part, reason = next(iter(result.failures.items()))
-        return f"mend what failed, {part} first ({reason}), or leave it out, and diagnose again"
-    if result.checks.blocks and result.verdict == "cannot_tell":
-        return result.checks.blocks[0].remedy
-    if result.rivals and result.setup.plannable:
-        return f"{program} plan {dataset} ranks runs by how far they set the rivals apart"
-    if result.verdict == "named":
-        return f"confirm it: {result.setup.causes[result.causes[0].name].confirm}"
-    if result.verdict == "nothing_wrong" and result.setup.plannable:
-        return f"{program} plan {dataset} has runs that would show more"
-    if result.where is not None:
-        return _unexplained(result)
-    return f"{program} inspect {dataset} says what these runs cannot show"
-
-
-def _unexplained(result: DiagnosisData) -> str:
-    """Return what to do where no cause explains the misfit: mend the data, test what comes closest, look further."""
-    suspect = dict.fromkeys(finding.code for finding in result.checks.findings if finding.severity == "suspect")
-    steps = [f"mend {' and '.join(suspect)} first, it may be the cause"] if suspect else []
-    if closest := result.closest:
-        steps.append(f"{closest} comes closest: to test it, {result.setup.causes[closest].confirm}")
-    steps.append(f"the misfit is densest in {_densest(result)}; for a cause of your own: --effects FILE")
-    return "; ".join(steps)
-
-
-def _densest(result: DiagnosisData) -> str:
-    """Return the channel and the trial that hold most of the misfit."""
-    where = result.where
-    assert where is not None  # noqa: S101 - checked by the callers
-    share = percent(where.channels[where.channel], 2)
-    return f"{channel_name(where.channel)} ({share} of it), trial {where.trial}"
+    return _Item(_word(word), f"{name} {value.told}{'' if word == 'size' else ', not named'}")
 
 
 def _rest(result: DiagnosisData) -> None:
     """Print what fifteen lines have no room for: tables, where the misfit is, what is unseen."""
     if result.gain is not None:
-        console.show(_gain(result))
-    _experiments(result)
+        console.show(_gain(result.gain))
     if result.table.rows:
         console.show(_evidence(result.table))
     _biased(result)
@@ -211,12 +154,9 @@ def show_splits(result: Splits) -> None:
     if table.row_count:
         console.show(table)
     texts = ("held out", "fitted", "verdict", "mechanisms")
-    table = console.table("Splits", (*texts, "held-out error less by"), texts)
+    table = console.table("Splits", (*texts, "held-out error"), texts)
     for split in result.splits:
-        gain, verdict = NONE, (split.verdict or NONE).replace("_", " ")
-        if split.gain is not None:
-            ends = f"{percent(split.gain.low, 2)} to {percent(split.gain.high, 2)}"
-            gain = f"{percent(split.gain.relative_reduction, 2)}  ({ends})"
+        gain, verdict = NONE if split.gain is None else split.gain.change, (split.verdict or NONE).replace("_", " ")
         held_out = f"{', '.join(split.held_out)}{' (as divided)' if split.declared else ''}"
         table.add_row(held_out, ", ".join(split.fitted), verdict, split.summary(), gain)
     table.caption = "The splits share runs: how often something comes is no probability."
@@ -224,18 +164,11 @@ def show_splits(result: Splits) -> None:
     console.say(result.headline())
 
 
-def _gain(result: DiagnosisData) -> Table:
-    gain = result.gain
-    assert gain is not None  # noqa: S101 - checked by the caller
+def _gain(gain: Gain) -> Table:
     title = "Held-out trials: nRMSE before and after"
-    table = console.table(title, ("channel", "nominal", "extended", "reduction"), ("channel",))
-    for channel in gain.nominal:
-        before, after = gain.nominal[channel], gain.extended[channel]
-        reduction = percent(1.0 - after / before) if before > 0.0 else ""
-        if channel == "pooled":
-            reduction += f"  ({percent(gain.low)} to {percent(gain.high)})"
-        table.add_row(channel_name(channel), percent(before), percent(after), reduction)
-    table.add_row("mean speed error [m/s]", *map(number, gain.mean_speed_error), "")
+    table = console.table(title, ("channel", "nominal", "extended", "change"), ("channel", "change"))
+    for name, _, told, change in gain.rows:
+        table.add_row(channel_name(name), *told, change)
     return table
 
 
@@ -269,14 +202,6 @@ def _evidence(evidence: Evidence) -> Table:
     return table
 
 
-def _experiments(result: DiagnosisData) -> None:
-    names = [cause.name for cause in result.causes] or [name for group in result.rivals for name in group]
-    if result.rivals and result.setup.plannable:
-        apart = " from ".join(names)
-        console.say(f"To tell {apart}: `mjfish plan` on this dataset ranks runs by how far they set them apart.")
-    console.say(*(f"To confirm {name}: {result.setup.causes[name].confirm}." for name in names))
-
-
 def _biased(result: DiagnosisData) -> None:
     """List the coefficients that the missing cause had biased by more than their standard error."""
     from mjfish.estimation.fit import Z95
@@ -297,14 +222,14 @@ def _where(result: DiagnosisData) -> None:
     """Say where the misfit sits, and what describes it where nothing explains it."""
     if (where := result.where) is not None:
         console.say(
-            f"The misfit is densest in {_densest(result)}, {where.part}, {where.phase} of the beat, {where.speed} of "
+            f"The misfit is densest in {where.densest}, {where.part}, {where.phase} of the beat, {where.speed} of "
             f"the surge, {where.turn} of the yaw rate."
         )
     if result.force:
-        surge, sway, yaw = (percent(max(shares), 2) for shares in zip(*(f.share for f in result.force), strict=True))
+        surge, sway, yaw = (number(max(shares)) for shares in zip(*(f.share for f in result.force), strict=True))
         console.say(
-            f"The missing force is {surge} in surge, {sway} in sway and {yaw} in yaw moment of what moves the fish "
-            "(root mean squares, each in the trial where it is most)."
+            f"The missing force, as a multiple of what moves the simulated fish and its water: {surge} in surge, "
+            f"{sway} in sway, {yaw} in yaw moment (root mean squares, each in the trial where it is most)."
         )
     if (described := result.description) is not None and described.terms:
         terms = "; ".join(f"{term.what} (size {number(term.size, 2)} SI per metre)" for term in described.terms)

@@ -14,7 +14,7 @@ from mjfish.cli.fish import SUFFIXES as FISH
 from mjfish.cli.fish import write
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import write_json
-from mjfish.reporting.words import number, p_value, percent
+from mjfish.formats import number, p_value, percent
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -163,12 +163,10 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
 def _coefficients(result: Identification) -> Table:
     headings = ("parameter", "estimate", "low", "high", "standard error")
     table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
-    fit, assessment = result.fit, result.assessment
-    for index, p in enumerate(fit.parameters):
-        low, high = fit.interval(p.name) if assessment is None else assessment.intervals.interval(p.name)
-        sigma = fit.sigma[p.name] if assessment is None else float(assessment.intervals.sigma[index])
-        cells = (number(value, 4) for value in (fit.values[p.name], low, high, sigma))
-        table.add_row(p.name.replace(":", ":\n"), *cells)
+    fit = result.fit
+    for p in fit.parameters:
+        found = (fit.values[p.name], *result.interval(p.name), result.sigma[p.name])
+        table.add_row(p.name.replace(":", ":\n"), *(number(value, 4) for value in found))
     if held := [p.name for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True) if at_bound]:
         table.caption = f"at its bound: {', '.join(held)}"
     return table

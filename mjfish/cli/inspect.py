@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.files import make_folder
-from mjfish.reporting.words import number
+from mjfish.formats import number
 
 if TYPE_CHECKING:
     from mjfish.inspection import DataReport

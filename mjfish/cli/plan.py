@@ -11,7 +11,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files import check_new_folder
-from mjfish.reporting.words import number
+from mjfish.formats import number
 
 if TYPE_CHECKING:
     from rich.table import Table

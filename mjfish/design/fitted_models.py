@@ -15,7 +15,6 @@ from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
 from mjfish.diagnosis import Diagnosis, DiagnosisData, FittedModel, load_diagnosis
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import guesses, off_null
 from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError
@@ -24,6 +23,7 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.nominal import first_sigma, nominal_problem
 from mjfish.noise.autoregressive import estimate
+from mjfish.progress import Progress
 
 _TOLERANCE = 1e-6
 

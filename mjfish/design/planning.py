@@ -16,13 +16,13 @@ from mjfish.design.information import Detection, Separation, detection, separati
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import DETECTED
-from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Causes, Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.execution import executing
 from mjfish.parameter import Parameter
+from mjfish.progress import Progress, part, silent
 from mjfish.result import Result
 from mjfish.serialise import unsaved
 

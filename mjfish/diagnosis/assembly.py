@@ -67,14 +67,13 @@ def assemble(
         gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, np.random.default_rng(begun.seed)), None)
     joints: tuple[str, ...] = parts.run("errors of joints", lambda: (*joints_in_words(evidence.problem),), ())
     drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
+    effects = {effect.name: effect for effect in begun.candidates}
+    models = (evidence.problem.model, shown.problem.model)
+    setup = Setup.of(dataset, evidence.problem, models, begun.candidates)
     decision = withheld(concluded.decision, parts.failures)
     named = decision.verdict == "named"
-    effects, models = (
-        {effect.name: effect for effect in begun.candidates},
-        (evidence.problem.model, shown.problem.model),
-    )
     return Diagnosis(
-        setup=Setup.of(dataset, evidence.problem, models, effects.values()),
+        setup=setup,
         dataset=dataset,
         verdict=decision.verdict,
         message=decision.message + _in_domain(concluded),
@@ -151,7 +150,7 @@ def unfinished_diagnosis(begun: Begun) -> Diagnosis:
     """Return a diagnosis without a comparison: what failed, and the nominal model as it was declared, not fitted."""
     problem, dataset, failures = begun.problem, begun.dataset, begun.parts.failures
     decision = withheld(Decision("cannot_tell", (), "Nothing was compared."), failures)
-    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit) for p in problem.model.parameters}
+    declared = {p.name: Estimate(p.start, p.low, p.high, p.unit, settled=False) for p in problem.model.parameters}
     held = dataset.split()[1]
     effects = {effect.name: effect for effect in begun.candidates}
     return Diagnosis(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis.failures import Parts
-from mjfish.diagnosis.progress import Progress, silent
 from mjfish.effects import Effect
 from mjfish.effects.clock_wander import ClockWander
 from mjfish.estimation import Problem
@@ -27,7 +26,6 @@ class Begun:
         stated: (3,) standard deviations of the noise that the dataset states; None: none.
         problem: of the nominal model.
         seed: of the bootstrap of the gain.
-        progress: called with what is being done.
     """
 
     measured: Dataset
@@ -38,7 +36,6 @@ class Begun:
     stated: FloatArray | None
     problem: Problem
     seed: int = 0
-    progress: Progress = silent
 
     @property
     def known(self) -> dict[str, Effect]:

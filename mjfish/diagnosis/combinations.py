@@ -15,13 +15,13 @@ from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.progress import Progress
 from mjfish.diagnosis.refit import made_smooth, refined, refit_with
 from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS
 from mjfish.effects.effect import Effect
+from mjfish.execution import execution
 
 #: Sets of causes, compared, or None; and all refits.
 Found = tuple[Comparison | None, Mapping[Names, Refit]]
@@ -42,7 +42,6 @@ def find_combinations(
     singles: Mapping[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    progress: Progress,
     *,
     small: bool = False,
 ) -> Found:
@@ -57,7 +56,6 @@ def find_combinations(
         singles: refits of single causes.
         candidates: every cause.
         held_out: what refits predict of the held-out trials.
-        progress: called with what is being done.
         small: whether a single cause leaves next to nothing; pairs alone are looked for then.
 
     Returns:
@@ -65,7 +63,7 @@ def find_combinations(
         seen, or no set has earned all its members, or a small one leaves something.
     """
     known = dict(singles)
-    found = _searched(known, candidates, held_out, progress, small)
+    found = _searched(known, candidates, held_out, small)
     if found is None:
         return None, known
     found = _confirmed(found, known, held_out)
@@ -91,7 +89,6 @@ def _searched(
     known: dict[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    progress: Progress,
     small: bool,
 ) -> Comparison | None:
     """Return the sets, not yet confirmed on the held-out trials; what was refitted is added to `known`."""
@@ -102,7 +99,7 @@ def _searched(
     evidence = cache(partial(_beside, candidates))
     pays = partial(beats_smaller_sets, small=small)
     for size in (2,) if small else range(2, LARGEST + 1):
-        progress(f"looking for {size} causes at once", 0.0)
+        execution().meter.stage(f"looking for {size} causes at once", {2: 0.8}.get(size, 0.95))
         earned: dict[Names, Refit] = {}
         whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)
         for grown in (_grown, _grown_by_unscored):

@@ -32,11 +32,11 @@ from mjfish.diagnosis.combinations import find_combinations, to_optimum
 from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
-from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import lowest
 from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.select import Goodness, compared
+from mjfish.diagnosis.servo_delay import servo_delays
 from mjfish.diagnosis.table import Comparison, Estimate, Names, Row, Table, estimates
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
@@ -100,6 +100,7 @@ def _described(row: Row, refit: Refit, held_out: HeldOut) -> Row:
         error=pooled_error(channel_errors(refit.problem, refit.fit.x)),
         held_out_error=pooled_error(held_out.score(refit).channels) if held_out.trials else None,
         sizes={name: value for name, value in estimates(refit.fit, refit.problem.model).items() if name in own},
+        delays=servo_delays(refit),
     )
 
 
@@ -131,8 +132,8 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(screening.evidence), None)
     found: tuple[Comparison | None, Mapping[Names, Refit]] = (None, {})
     if odd is None:
-        every, beside = (*begun.applicable, *begun.learnable), part(begun.progress, 0.8, 0.15)
-        found = begun.parts.run("the combinations", lambda: _combined(single, refits, every, held_out, beside), found)
+        every = (*begun.applicable, *begun.learnable)
+        found = begun.parts.run("the combinations", lambda: _combined(single, refits, every, held_out), found)
     if failed := {row.names for row in single.failed()}:
         others = _singles({names: refit for names, refit in refits.items() if names not in failed}, goodness, held_out)
         table = replace(table, others=others)
@@ -157,19 +158,18 @@ def _combined(
     refits: Mapping[Names, Refit],
     candidates: Sequence[Effect],
     held_out: HeldOut,
-    progress: Progress,
 ) -> tuple[Comparison | None, Mapping[Names, Refit]]:
     """Compare combinations of causes, and return their refits; None where no second cause is seen.
 
     Where all that stay have a learned form and fail on the held-out trials, those of formulas alone are compared.
     """
-    found, own = find_combinations(refits, candidates, held_out, progress, small=single.exhausted())
+    found, own = find_combinations(refits, candidates, held_out, small=single.exhausted())
     if found is None:
         return None, {}
     formulas = {names: refit for names, refit in refits.items() if not refit.learned}
     if all(row.learned and row.fails() for row in found.staying()) and len(formulas) < len(refits):
         plain = [effect for effect in candidates if not effect.learned]
-        again = _combined(single, formulas, plain, held_out, progress)
+        again = _combined(single, formulas, plain, held_out)
         return (found, own) if again[0] is None else again
     return found, own
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared
-from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, staying
+from mjfish.diagnosis.forms import NamedMechanism, named_mechanisms, simpler, staying
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.isolability import explaining_domain
 from mjfish.diagnosis.refit_result import Refit
@@ -51,7 +51,7 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
     mechanisms: tuple[NamedMechanism, ...] = ()
     domain = _shared_domain(decision, {effect.name: effect for effect in begun.candidates})
     if decision.verdict == "named" and best is not None:
-        decision, best, mechanisms = _with_form(begun, screening, compared, decision, best)
+        decision, best, mechanisms = _with_form(begun, screening, compared, held_out, decision)
     if decision.verdict == "unexplained":
         if compared.odd is not None:
             run = screening.evidence.problem.trials[compared.odd].name
@@ -67,19 +67,22 @@ def conclude(begun: Begun, screening: Screening, compared: Compared, held_out: H
 
 
 def _with_form(
-    begun: Begun, screening: Screening, compared: Compared, decision: Decision, best: Refit
+    begun: Begun, screening: Screening, compared: Compared, held_out: HeldOut, decision: Decision
 ) -> tuple[Decision, Refit, tuple[NamedMechanism, ...]]:
     """Return a decision that names a cause, with the formulas that stay, the best of these, and the mechanisms."""
+    best = compared.refits[decision.sets[0]]
     own = (refit for refit in compared.learned.values() if refit.mechanisms == best.mechanisms)
     form = next(own, None) if len(best.effects) == 1 else None
     formulas = [compared.refits[names] for names in decision.sets if not compared.refits[names].learned]
     retained = staying(formulas, form) or (best if form is None else form,)
     shown, rows = retained[0], {row.names: row for row in compared.table.rows}
-    keys = [tuple(sorted(refit.names)) for refit in retained]
-    judged = [rows.get(key) or Row.of(key, own) for key, own in zip(keys, retained, strict=True)]
+    others = (refit for refit in compared.refits.values() if refit not in retained)
+    possible = (*retained, *simpler(shown, others, held_out))
+    keys = [tuple(sorted(refit.names)) for refit in possible]
+    judged = [rows.get(key) or Row.of(key, own) for key, own in zip(keys, possible, strict=True)]
     mechanisms: tuple[NamedMechanism, ...] = begun.parts.run(
         "the form",
-        lambda: named_mechanisms(shown, retained, form, screening.evidence.fit, clean=judged[0].clean()),
+        lambda: named_mechanisms(shown, possible, form, screening.evidence.fit, clean=judged[0].clean()),
         (),
     )
     message = message_of(judged, claimed=all(one.level == "form" for one in mechanisms)) + decision.left

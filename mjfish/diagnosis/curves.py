@@ -19,11 +19,13 @@ from scipy.signal import lfilter
 from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.table import linearised
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
-from mjfish.estimation.fit import Z95, Fit
+from mjfish.estimation import Fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.fish import Fish
+from mjfish.formats import number, unit
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
@@ -113,15 +115,14 @@ class MeasuredCurve:
         name = f"{self.quantity} of {self.group}"
         if self.seen is None or self.bears == "nothing":
             return f"{name}: the runs say nothing of it"
-        unit = "" if self.y.unit == "-" else f" {self.y.unit}"
         if self.bears == "number":
-            y, low, high = self.at(0.5 * sum(self.seen))
-            return f"{name}: {y:.3g} ({low:.3g} to {high:.3g}){unit}, one number: the runs bear no curve"
-        ends = []
-        for x in self.seen:
-            y, low, high = self.at(x)
-            ends.append(f"{y:.3g} ({low:.3g} to {high:.3g}){unit} at {x:.2g} {self.x.unit}")
+            return f"{name}: {self._told(0.5 * sum(self.seen))}, one number: the runs bear no curve"
+        ends = (f"{self._told(x)} at {number(x, 2)} {self.x.unit}" for x in self.seen)
         return f"{name}: {', '.join(ends)}"
+
+    def _told(self, x: float) -> str:
+        y, low, high = map(number, self.at(x))
+        return f"{y} ({low} to {high}) {unit(self.y.unit)}".rstrip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,26 +153,14 @@ def curves_of(mechanism: str, refit: Refit, nominal: Fit) -> tuple[MeasuredCurve
 def _measured(form: _Form, mechanism: str, refit: Refit, before: Fit) -> MeasuredCurve:
     own = tuple(effect for effect in refit.effects if effect.mechanism == mechanism)
     model, trial = Model(refit.problem.model.fish, own), refit.problem.trials[0]
-    names = [p.name for p in model.parameters]
-    values = {name: refit.fit.values[name] for name in names if name in refit.fit.values}
 
-    def at(changed: Mapping[str, float]) -> FloatArray:
-        return form.value(_Fish.of(model, {**values, **changed}, trial), form.at)
+    def at(values: Mapping[str, float]) -> FloatArray:
+        return form.value(_Fish.of(model, values, trial), form.at)
 
-    y = at({})
-    index = {p.name: i for i, p in enumerate(refit.fit.parameters)}
-    free = [name for name in names if name in index]
-    scales = {p.name: p.scale for p in model.parameters}
-    slopes = np.zeros((len(y), len(free)))
-    for k, name in enumerate(free):
-        h = 1e-3 * scales[name]
-        slopes[:, k] = (at({name: values[name] + h}) - at({name: values[name] - h})) / (2.0 * h)
-    rows = [index[name] for name in free]
-    covariance = refit.fit.covariance[np.ix_(rows, rows)]
-    half = Z95 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+    y, half, slopes = linearised(refit.fit, model.parameters, at)
     nominal = form.value(_Fish.of(Model(model.fish, ()), before.values, trial), form.at)
     knots = {p.name for effect in own if effect.learned for p in effect.parameters}
-    moving = [name for name, slope in zip(free, slopes.T, strict=True) if name in knots and np.any(slope)]
+    moving = [name for name, slope in slopes.items() if name in knots and np.any(slope)]
     return MeasuredCurve(
         form.quantity,
         form.group,
@@ -354,8 +343,8 @@ def _inertia(link: int, nominal: Fish, fish: _Fish, numbers: FloatArray) -> Floa
     last = slice(_BEAT * (_BEATS - 1), _BEAT * _BEATS)
     own = fish.records[link]
     found = []
-    for number in numbers:
-        speed = rate * height * np.sqrt(max(number**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
+    for kc in numbers:
+        speed = rate * height * np.sqrt(max(kc**2 - KC_FLOOR**2, 1e-6)) / (2.0 * np.pi)
         force = fish.across(link, speed * np.cos(phase))[last]
         found.append(2.0 * float(np.mean(force * np.sin(phase[::2][last]))) / (rate * speed))
     return np.asarray((own["c_m"] * own["added"][0] + np.array(found)) / outlines(nominal)[link].added[0])

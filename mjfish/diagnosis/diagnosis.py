@@ -20,7 +20,6 @@ from mjfish.diagnosis.conclusion import conclude
 from mjfish.diagnosis.failures import NOMINAL, PartFailedError, Parts, noting, raised_in, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.implausible_noise import bursts, too_large
-from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.provenance import identity
 from mjfish.diagnosis.result import Diagnosis
 from mjfish.diagnosis.screening import Screening, screen
@@ -32,9 +31,10 @@ from mjfish.estimation import Noise
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
-from mjfish.execution import executing
+from mjfish.execution import executing, execution
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.kept import Kept
+from mjfish.progress import Meter, Progress, silent
 
 #: Said of a cause that is a part of the nominal model.
 _PART = "it is a part of the nominal model, and fitted with it"
@@ -99,9 +99,10 @@ def diagnose(
     if limit is not None and not limit > 0.0:
         raise InputError(f"limit: found {limit:g} s, expected more than 0; give seconds, or none")
     # small matrices: more threads of BLAS wait for each other
-    with threadpool_limits(1, "blas"), noting(Parts()) as parts, executing(jobs, executor, limit=limit):
+    here = executing(jobs, executor, limit=limit, meter=Meter(progress))
+    with threadpool_limits(1, "blas"), noting(Parts()) as parts, here:
         known = catalogue(effects)
-        begun = replace(_begun(dataset, known, parts), seed=seed, progress=progress)
+        begun = replace(_begun(dataset, known, parts), seed=seed)
         kept = None if resume is None else Kept(Path(resume), identity(begun.measured, begun.candidates, seed))
         try:
             with executing(kept=kept):
@@ -147,22 +148,22 @@ def _diagnosed(begun: Begun) -> Diagnosis:
     """Diagnose without the candidates that failed: inspect, screen, compare, conclude, and put the result together."""
     if not begun.applicable:
         raise PartFailedError(_WHOLE, "no candidate is left that could be tried")
-    begun.progress("testing the data", 0.0)
+    execution().meter.stage("testing the data", 0.02)
     checks = begun.parts.run("the tests of the data", lambda: inspect(begun.measured, begun.known), Inspection())
-    screening = screen(begun.problem, begun.applicable, begun.stated, begun.progress, walks=begun.walks)
+    screening = screen(begun.problem, begun.applicable, begun.stated, walks=begun.walks)
     checks = checks.joined(_checks_of_fit(begun, screening, checks))
     nothing = dict[Finding, Finding](), tuple[Row, ...]()
     refuted, corrections = begun.parts.run(
         "the corrections of the data", lambda: weighed(checks.blocks, begun.measured), nothing
     )
     checks = checks.changed(refuted)
-    begun.progress("comparing the candidates", 0.75)
+    execution().meter.stage("comparing the candidates", 0.6)
     held_out = HeldOut(screening.evidence, begun.dataset.split()[1])
     compared = compare(begun, screening, held_out, checks.blocks, corrections)
     concluded = conclude(begun, screening, compared, held_out)
-    begun.progress("looking at what is wrong", 0.96)
+    execution().meter.stage("looking at what is wrong", 0.99)
     result = assemble(begun, screening, checks, compared, concluded, held_out)
-    begun.progress("done", 1.0)
+    execution().meter.stage("done", 1.0)
     return result
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from mjfish.block_angular import span
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
+from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.isolability import prior_precision
 from mjfish.diagnosis.refit import made_smooth, refit_with
 from mjfish.diagnosis.refit_result import Refit, extended, followed
@@ -62,6 +63,31 @@ class NamedMechanism:
     form: str
     forms: tuple[str, ...]
     curves: tuple[MeasuredCurve, ...]
+
+    @property
+    def told(self) -> str:
+        """What acts, and what the data say of its form, in a line."""
+        return f"{self.name}: {form_in_words(self.forms, claimed=self.level == 'form')}"
+
+
+def form_in_words(formulas: Sequence[str], *, claimed: bool = False) -> str:
+    """Say what the data say of the form of a mechanism.
+
+    Args:
+        formulas: that stay.
+        claimed: whether the only one is claimed.
+
+    Example:
+        >>> form_in_words(["servo_lag", "servo_delay"])
+        'these data do not settle its form: servo_lag or servo_delay'
+    """
+    if not formulas:
+        return "no formula fits, its form is learned"
+    if claimed:
+        return f"its form is {formulas[0]}"
+    if len(formulas) == 1:
+        return f"of the known formulas {formulas[0]} alone stays; a form that is not listed is not excluded"
+    return f"these data do not settle its form: {' or '.join(formulas)}"
 
 
 def refit_learned_forms(
@@ -116,6 +142,23 @@ def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ..
     kept = [formula for formula in formulas if learned is None or not _beats(learned, formula)]
     names = {refit.names[0] for refit in kept if len(refit.names) == 1}
     return tuple(refit for refit in kept if names.isdisjoint(refit.effects[0].limits) or len(refit.names) > 1)
+
+
+def simpler(shown: Refit, refits: Iterable[Refit], held_out: HeldOut) -> tuple[Refit, ...]:
+    """Return formulas of the mechanisms of a refit with fewer parameters that predict the held-out trials as well.
+
+    By one of both measures: the likelihood of these trials is less than ten times smaller with them, or the nRMSE no
+    larger. What further parameters explain of the fitted trials alone may be another cause, or an error elsewhere.
+
+    Args:
+        shown: the refit; of a learned form there are none.
+        refits: others.
+        held_out: what refits predict of the held-out trials.
+    """
+    alike = (refit for refit in refits if not refit.learned and refit.mechanisms == shown.mechanisms)
+    fewer = (refit for refit in alike if refit.degrees_of_freedom < shown.degrees_of_freedom)
+    found = {} if shown.learned else {refit: held_out.confirmed(shown, refit) for refit in fewer}
+    return tuple(refit for refit, more in found.items() if more and more.as_well())
 
 
 def _beats(learned: Refit, formula: Refit) -> bool:

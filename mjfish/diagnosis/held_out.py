@@ -17,6 +17,7 @@ from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.thresholds import THRESHOLDS, Thresholds
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
+from mjfish.formats import fall, less, number, percent
 from mjfish.sized_cache import Remade
 
 Key = TypeVar("Key", bound=Hashable)
@@ -58,6 +59,10 @@ class Confirmation:
         """Return whether the cause predicts these trials worse than they are without it, by more than noise does."""
         worse = self.error_ratio > 1.0 + limits.left and self.mean_square > _PREDICTED
         return worse or self.misses_speed(limits) or (self.gained <= 0.0 and self.probability < limits.goodness)
+
+    def as_well(self) -> bool:
+        """Return whether the trials are predicted as well without the cause, by one of both measures."""
+        return 2.0 * self.gained < THRESHOLDS.close or self.error_ratio >= 1.0
 
     def borne_out(self) -> bool:
         """Return whether the cause gains there what it would if it were true, up to noise."""
@@ -192,6 +197,24 @@ class Gain:
     high: float
     mean_speed_error: tuple[float, float]
     by_run: tuple[RunGain, ...] = ()
+
+    @property
+    def change(self) -> str:
+        """By how much the pooled nRMSE falls, or grows, with the interval."""
+        shown = less if self.low < 0.0 else percent
+        return f"{less(self.relative_reduction)} ({shown(self.low)} to {shown(self.high)})"
+
+    @property
+    def rows(self) -> list[tuple[str, tuple[float, float], tuple[str, str], str]]:
+        """Errors of both models by channel, ``pooled``, and ``mean_speed``; these in words; and how they change."""
+        both = {name: (before, self.extended[name]) for name, before in self.nominal.items()}
+        changes = {name: fall(*errors) for name, errors in both.items()} | {"pooled": self.change}
+        told = [(name, e, (percent(e[0]), percent(e[1])), changes[name]) for name, e in both.items()]
+        before, after = self.mean_speed_error
+        return [
+            *told,
+            ("mean_speed", (before, after), (f"{number(before)} m/s", f"{number(after)} m/s"), fall(before, after)),
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the gain as ``diagnosis.json`` has it."""

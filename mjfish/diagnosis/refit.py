@@ -22,7 +22,6 @@ import numpy as np
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of, signature_rows
 from mjfish.diagnosis.failures import NOMINAL, Failure, attempted, failed, note, sound
-from mjfish.diagnosis.progress import Progress, silent
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
@@ -188,7 +187,6 @@ _HIDDEN, _NEAR = 0.9, 20.0
 def refits(
     evidence: Evidence,
     effects: Sequence[Effect],
-    progress: Progress = silent,
     before: Mapping[str, Refit] | None = None,
     coarse: Mapping[str, Refit] | None = None,
 ) -> dict[str, Refit]:
@@ -197,7 +195,6 @@ def refits(
     Args:
         evidence: of the nominal model.
         effects: candidates; those of `worth_refitting` are refitted.
-        progress: called with what is being done.
         before: refits under another noise; they are continued from where they ended.
         coarse: coarse refits of this evidence that are known already.
     """
@@ -213,9 +210,7 @@ def refits(
         new = [effect for effect in round_of if effect.name in earlier or effect.name not in known]
         given = [(earlier.get(effect.name), [found[name] for name in effect.limits if name in found]) for effect in new]
         made = {effect.name: known[effect.name] for effect in round_of if effect not in new}
-        for refit in extended(_made_of, new, evidence, given):
-            progress(f"refitted with {refit.names[-1]}", (len(found) + len(made)) / len(chosen))
-            made[refit.names[-1]] = refit
+        made |= {refit.names[-1]: refit for refit in extended(_made_of, new, evidence, given)}
         found.update({effect.name: made[effect.name] for effect in round_of if effect.name in made})
     return found
 
@@ -228,14 +223,10 @@ def _made_of(evidence: Evidence, effect: Effect, given: tuple[Refit | None, Sequ
     return _taken_on(evidence, earlier)
 
 
-def other_refits(evidence: Evidence, effects: Sequence[Effect], progress: Progress = silent) -> dict[str, Refit]:
+def other_refits(evidence: Evidence, effects: Sequence[Effect]) -> dict[str, Refit]:
     """Refit with every formula that can be identified, whatever its score: a few steps each."""
     chosen = [effect for effect in effects if not effect.learned and not evidence.unidentifiable(effect.name)]
-    found: dict[str, Refit] = {}
-    for refit in extended(refit_with, chosen, evidence):
-        progress(f"refitted with {refit.names[-1]}", len(found) / len(chosen))
-        found[refit.names[-1]] = refit
-    return found
+    return {refit.names[-1]: refit for refit in extended(refit_with, chosen, evidence)}
 
 
 def _may_explain(effect: Effect, found: Mapping[str, Refit]) -> bool:
@@ -252,7 +243,7 @@ def far_off(found: Fit) -> bool:
     return found.sse > _FAR * found.count
 
 
-def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str, Refit]:
+def settled(found: Mapping[str, Refit]) -> dict[str, Refit]:
     """Follow the contenders to their optimum.
 
     A formula that is a limit of a contender is followed, too: it is simpler, and may explain as much.
@@ -260,11 +251,8 @@ def settled(found: Mapping[str, Refit], progress: Progress = silent) -> dict[str
     floor = _floor(found)
     limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
     running = [refit for name, refit in found.items() if refit.gain >= floor or name in limits]
-    result = dict(found)
-    for done, refit in enumerate(followed(functools.partial(refined, best=leader(found).fit.sse), running)):
-        progress(f"refined the fit with {refit.names[-1]}", done / len(running))
-        result[refit.names[-1]] = refit
-    return result
+    made = followed(functools.partial(refined, best=leader(found).fit.sse), running)
+    return {**found, **{refit.names[-1]: refit for refit in made}}
 
 
 def leader(found: Mapping[str, Refit]) -> Refit:

@@ -168,7 +168,8 @@ def _side_by_side(
                     Kept.write(file, result)
                 yield rest[k], always(result)
 
-    for (_, task), result in zip(left, in_order(made()), strict=True):
+    for k, ((_, task), result) in enumerate(zip(left, in_order(made()), strict=True), 1):
+        here.meter.refitted(len(left) - k)
         if isinstance(result, Failure):
             note(result)
         else:

@@ -17,6 +17,7 @@ from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.isolability import Isolability
 from mjfish.diagnosis.missing_force import MissingForce
+from mjfish.diagnosis.next_steps import CAUTIONS, next_steps
 from mjfish.diagnosis.setup import Setup
 from mjfish.diagnosis.table import Estimate, Row, Table, estimates
 from mjfish.diagnosis.where import Where
@@ -24,6 +25,7 @@ from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import beat_phase
+from mjfish.formats import percent
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
@@ -34,16 +36,6 @@ from mjfish.serialise import plain, unsaved
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.
 SCHEMA = 5
-_NEXT = {
-    "named": "confirm the cause on the bench, and simulate with the extended model.",
-    "nothing_wrong": "read from which sizes on causes would have been seen (`isolability`, `undetectable`).",
-    "cannot_tell": "mend what the findings name; where velocities were measured, `mjfish.plan` has the runs that tell "
-    "rivals apart.",
-    "unexplained": "test the cause that comes closest (`closest`); then look at the missing force (`force`, "
-    "`description`) for a cause that is not in the catalogue.",
-}
-#: What to do next where a part failed.
-_MEND = "mend what failed (`failures`), or leave it out, and diagnose again."
 
 
 @dataclass(frozen=True)
@@ -241,40 +233,48 @@ class DiagnosisData(Result):
     gain: Gain | None = None
     table: Table = field(default_factory=Table)
 
+    @property
+    def next(self) -> tuple[str, ...]:
+        """What to do next, the most important first."""
+        return tuple(next_steps(self))
+
+    @property
+    def delays(self) -> tuple[str, ...]:
+        """By how much the joints of the extended model are late at the beat, in words."""
+        best = (row for row in self.table.rows if {*row.names} == {*self.best})
+        return tuple(f"{delay.told} at {beat}" for row in best for beat, delay in row.delays.items())
+
+    @property
+    def caution(self) -> str:
+        """What a status that is not ok means; empty where it is ok."""
+        return CAUTIONS.get(self.status, "")
+
+    @property
+    def held_out(self) -> str:
+        """The error on held-out trials in words; empty where there are none."""
+        if self.gain is None:
+            return ""
+        before, after = (percent(errors["pooled"]) for errors in (self.gain.nominal, self.gain.extended))
+        if not self.best:
+            return f"nRMSE {before} of the nominal model, which was not extended"
+        return f"nRMSE {before} before, {after} after: {self.gain.change}"
+
     def summary(self) -> str:
         """Return verdict, causes with sizes and curves, gain, status and what to do next, in at most ten lines."""
         lines = [f"{self.setup.dataset}: {self.verdict}. {self.message}"]
-        if self.status == "fit_not_converged":
-            lines.append("The fit has not converged: the numbers are not final; see `remarks`.")
-        knots = self.setup.knots
-        for cause in self.causes:
-            for name, value in cause.parameters.items():
-                if f"{cause.name}.{name}" in knots:
-                    continue
-                interval = f"({value.low:.4g} to {value.high:.4g})"
-                lines.append(f"  {cause.name}.{name} = {value.estimate:.4g} {interval} {value.unit}")
-        sized = len(lines)
+        if self.caution:
+            lines.append(f"{self.status}: {self.caution}")
+        own = {f"{cause.name}.{name}": value for cause in self.causes for name, value in cause.parameters.items()}
+        shown = own.keys() - self.setup.knots
+        lines += [f"  {name} = {value.told}" for name, value in own.items() if name in shown]
+        lines += [f"  delay of the joints: {told}" for told in self.delays]
         if self.verdict == "cannot_tell" and self.rivals:
             lines.append(f"  rivals: {'; '.join(', '.join(group) for group in self.rivals)}")
         if self.gain is not None:
-            after = (
-                f" -> {self.gain.extended['pooled']:.3f} of the range, {self.gain.relative_reduction:.0%} less "
-                f"({self.gain.low:.0%} to {self.gain.high:.0%})"
-            )
-            told = after if self.best else " of the range"
-            lines.append(f"  held-out error: {self.gain.nominal['pooled']:.3f}{told}")
+            lines.append(f"  held out: {self.held_out}")
         lines += [f"  {finding.severity}: {finding.message}" for finding in self.checks.blocks]
-        lines.append(f"Next: {_MEND if self.failures else _NEXT[self.verdict]}")
-        lines[sized:sized] = self._curves(room=10 - len(lines))
-        return "\n".join([*lines[:9], lines[-1]] if len(lines) > 10 else lines)
-
-    def _curves(self, room: int) -> list[str]:
-        """Return a line a curve, in as many lines as there is room for."""
-        lines = [f"  {curve.summary()}" for mechanism in self.mechanisms for curve in mechanism.curves]
-        if len(lines) <= max(room, 0):
-            return lines
-        kept = lines[: max(room - 1, 0)]
-        return [*kept, f"  and {len(lines) - len(kept)} more curves, see `mechanisms`"] if room > 0 else []
+        lines += [f"  {curve.summary()}" for mechanism in self.mechanisms for curve in mechanism.curves]
+        return "\n".join([*lines[:9], f"Next: {self.next[0]}."])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -316,7 +316,7 @@ class Diagnosis(DiagnosisData):
         """Return the diagnosis as plain data, the content of ``diagnosis.json``."""
         kept = (
             "verdict", "message", "status", "remarks", "causes", "mechanisms", "domain", "rivals", "alternatives",
-            "certain", "candidates", "failures", "undetectable", "isolability", "checks", "description",
+            "certain", "candidates", "next", "failures", "undetectable", "isolability", "checks", "description",
             "p_wrong", "table", "where", "fits", "posterior", "provenance", "best", "closest", "overlays",
         )  # fmt: skip
         setup = plain(self.setup)

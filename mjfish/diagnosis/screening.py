@@ -15,7 +15,6 @@ from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
-from mjfish.diagnosis.progress import Progress, part
 from mjfish.diagnosis.refit import (
     converge,
     far_off,
@@ -35,6 +34,7 @@ from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_ever
 from mjfish.estimation.noise_of_fit import noise_of, smoothing_of, walk_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
+from mjfish.execution import execution
 from mjfish.noise import DifferentiationNoise, GaussMarkov
 from mjfish.sized_cache import Remade
 
@@ -74,7 +74,6 @@ def screen(
     problem: Problem,
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
-    progress: Progress,
     *,
     walks: bool,
 ) -> Screening:
@@ -88,18 +87,18 @@ def screen(
         problem: of the nominal model.
         candidates: effects that apply to the dataset.
         stated: (3,) standard deviations of the noise that the dataset states; None: it states none.
-        progress: called with what is being done.
         walks: whether it is asked if the clock of the drive wanders.
     """
-    progress("fitting the nominal model", 0.02)
+    execution().meter.stage("fitting the nominal model", 0.06)
     problem, start = resolved(problem)
     for _ in range(_ROUNDS if problem.sensors else 0):
         problem = with_sensor_noise(problem, start)
         start = sound(NOMINAL, fit(problem, start, tolerance=1e-3, evaluations=_ROUGH)).x
     problem = with_sensor_noise(problem, start)
     baseline, slopes = _fitted(problem, start, candidates)
+    execution().meter.stage("testing and refitting the candidates", 0.45)
     if not problem.samples:
-        return _screened_sensors(problem, baseline, slopes, candidates, progress)
+        return _screened_sensors(problem, baseline, slopes, candidates)
     noise, _ = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     if isinstance(noise, DifferentiationNoise):  # at the ends a filter has less to go on, and its errors are larger
         problem = replace(problem, ends=noise.window // 2)
@@ -110,9 +109,7 @@ def screen(
         if smoothing != problem.smoothing:
             problem = replace(problem, smoothing=smoothing)
             baseline, slopes = _fitted(problem, baseline.x, candidates)
-        results[problem.smoothing], smoothing = _screened(
-            problem, baseline, slopes, candidates, stated, progress, walks=walks
-        )
+        results[problem.smoothing], smoothing = _screened(problem, baseline, slopes, candidates, stated, walks=walks)
         if known:  # the dataset says through which filter its velocities went
             smoothing = problem.smoothing
     screening = results[smoothing]
@@ -127,24 +124,23 @@ def _screened_sensors(
     baseline: Fit,
     slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
-    progress: Progress,
 ) -> Screening:
     """Screen where sensors alone were measured, whose noise is white and known from their third differences."""
-    refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
-    seen = _NominalTest(candidates, slopes, progress).run(problem, baseline, problem.noise)
+    refitted = _under_the_known_noise(problem, baseline, slopes, candidates)
+    seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
     if seen.p_wrong >= THRESHOLDS.alarm:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
-    refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), refitted, seen.refits)
+    refitted = refits(seen.evidence, candidates, refitted, seen.refits)
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
         best = _led(refitted)
         problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
         begun = float(np.sum(problem.residual(baseline.x) ** 2))
         baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
         slopes = _signatures(problem, baseline.values, candidates)
-        seen = _NominalTest(candidates, slopes, progress).run(problem, baseline, problem.noise)
-        refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted, seen.refits)
+        seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
+        refitted = refits(seen.evidence, candidates, refitted, seen.refits)
     if refitted:
-        refitted = settled(refitted, part(progress, 0.6, 0.1))
+        refitted = settled(refitted)
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm)
 
 
@@ -154,7 +150,6 @@ def _screened(
     slopes: Remade[Slopes],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
-    progress: Progress,
     *,
     walks: bool,
 ) -> tuple[Screening, Filter | None]:
@@ -165,11 +160,11 @@ def _screened(
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     refitted: dict[str, Refit] = {}
     if stated is not None and not problem.walk:
-        refitted = _under_the_known_noise(problem, baseline, slopes, candidates, part(progress, 0.05, 0.1))
+        refitted = _under_the_known_noise(problem, baseline, slopes, candidates)
     if refitted:
         best = leader(refitted)
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
-    test = _NominalTest(candidates, slopes, progress)
+    test = _NominalTest(candidates, slopes)
     seen = test.run(problem, baseline, noise)
     if seen.p_wrong >= THRESHOLDS.alarm:  # patterns common to all runs may be taken for noise
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated)
@@ -178,7 +173,7 @@ def _screened(
         earlier, known = refitted, seen.refits
         if seen.evidence.problem is problem:  # under the same noise, they are refits of this evidence already
             earlier, known = {}, {**seen.refits, **refitted}
-        refitted = refits(seen.evidence, candidates, part(progress, 0.2, 0.2), earlier, known)
+        refitted = refits(seen.evidence, candidates, earlier, known)
     else:
         refitted = {}
     if not refitted:
@@ -192,9 +187,9 @@ def _screened(
         if seen.p_wrong >= THRESHOLDS.alarm:
             refitted = {}
         elif seen is not before:
-            refitted = refits(seen.evidence, candidates, part(progress, 0.4, 0.2), refitted)
+            refitted = refits(seen.evidence, candidates, refitted)
     if refitted:
-        refitted = settled(refitted, part(progress, 0.6, 0.1))
+        refitted = settled(refitted)
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm, remark), smoothing
 
 
@@ -226,7 +221,7 @@ def _walking(
 
 
 def _under_the_known_noise(
-    problem: Problem, baseline: Fit, slopes: Remade[Slopes], candidates: tuple[Effect, ...], progress: Progress
+    problem: Problem, baseline: Fit, slopes: Remade[Slopes], candidates: tuple[Effect, ...]
 ) -> dict[str, Refit]:
     """Return refits under the noise of the problem, where it is known, the model far off, and one fits; else none.
 
@@ -237,7 +232,7 @@ def _under_the_known_noise(
         return {}
     evidence, found = gather(problem, baseline, candidates, slopes), dict[str, Refit]()
     for make in (refits, other_refits):  # where the nominal model is far off, the score of the true cause may be small
-        found |= make(evidence, [e for e in candidates if e.name not in found], progress)
+        found |= make(evidence, [e for e in candidates if e.name not in found])
         if not found:
             return {}
         best = _led(found)
@@ -287,18 +282,15 @@ class _NominalTest:
 
     candidates: tuple[Effect, ...]
     slopes: Remade[Slopes]
-    progress: Progress
 
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
         if noise is not problem.noise and not _same(problem, baseline, noise):
-            self.progress("fitting the nominal model", 0.08)
             problem = replace(problem, noise=noise)
             # taken at another fit, an unidentifiable effect would seem to show
             baseline, slopes = _fitted(problem, baseline.x, self.candidates)
         evidence = gather(problem, baseline, self.candidates, slopes)
-        self.progress("testing the residual", 0.15)
         directed, p_wrong = self._p_values(evidence)
         found: dict[str, Refit] = {}
         if p_wrong >= THRESHOLDS.alarm:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from mjfish.data import Dataset
+from mjfish.diagnosis.failures import tried
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
 from mjfish.model import Model
 from mjfish.parameter import Parameter
+from mjfish.prior import Prior
 from mjfish.serialise import plain
 
 
@@ -35,7 +37,8 @@ class CauseText:
 
     @classmethod
     def of(cls, effect: Effect) -> CauseText:
-        """Return what is said of an effect."""
+        """Return what is said of an effect; of one that cannot tell its priors, which is noted, without knots."""
+        priors: tuple[Prior, ...] = tried([effect.name], effect.priors, ())
         return cls(
             effect.summary,
             effect.mechanism,
@@ -44,7 +47,7 @@ class CauseText:
             effect.signature,
             effect.confirm,
             {p.name: p.unit for p in effect.parameters},
-            tuple(name for prior in effect.priors() if prior.learned for name in prior.parameters),
+            tuple(name for prior in priors if prior.learned for name in prior.parameters),
         )
 
 

@@ -18,9 +18,9 @@ import numpy as np
 from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.held_out import Gain
-from mjfish.diagnosis.progress import Progress, part, silent
 from mjfish.diagnosis.result import Diagnosis, Verdict
 from mjfish.errors import InputError, UnwritableError
+from mjfish.progress import Progress, part, silent
 from mjfish.result import Result
 from mjfish.serialise import plain
 

@@ -7,12 +7,14 @@ It has the estimates of fitted models with their intervals, and what was known o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit_result import Refit
@@ -20,6 +22,7 @@ from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import without_form
 from mjfish.estimation import Fit
 from mjfish.estimation.fit import Z95
+from mjfish.formats import fixed, number, unit
 from mjfish.model import Model
 from mjfish.parameter import Parameter
 from mjfish.serialise import fields_of, plain, restored
@@ -34,6 +37,7 @@ class Estimate:
         unit: of all.
         at_bound: whether it rests on a bound.
         known: what was known of it beforehand; None: its bounds alone.
+        settled: whether the data say anything of it: its interval does not reach from bound to bound.
     """
 
     estimate: float
@@ -42,6 +46,30 @@ class Estimate:
     unit: str
     at_bound: bool = False
     known: KnownNumber | None = None
+    settled: bool = True
+
+    @property
+    def rounded(self) -> str:
+        """The estimate to the places its interval deserves (two digits of its half width); a bound as it is."""
+        return f"{self.estimate:g}" if self.at_bound else self._rounded(self.estimate)
+
+    @property
+    def interval(self) -> str:
+        """The interval to the same places; that there is none where the data say nothing; empty without a width."""
+        if not self.settled:
+            return "these runs do not settle it"
+        return f"{self._rounded(self.low)} to {self._rounded(self.high)}" if self.high > self.low else ""
+
+    def _rounded(self, value: float) -> str:
+        half = 0.5 * (self.high - self.low)
+        if not (math.isfinite(half) and half > 0.0) or not 1e-4 <= max(abs(self.low), abs(self.high)) < 1e6:
+            return number(value)
+        return fixed(value, min(1 - math.floor(math.log10(half)), 9))
+
+    @property
+    def told(self) -> str:
+        """The estimate with its unit and its interval, or that it rests on a bound without one."""
+        return f"{self.rounded} {unit(self.unit)}".rstrip() + f" ({self.interval or 'on its bound'})"
 
 
 @dataclass(frozen=True)
@@ -52,10 +80,28 @@ class KnownNumber:
     sd: float
     deviation: float
 
-    @classmethod
-    def of(cls, p: Parameter, value: float) -> KnownNumber | None:
-        """Return what was known of a parameter, and how far a value is from it."""
-        return None if p.sd is None else cls(p.expected, p.sd, float(p.deviation(value)))
+
+def linearised(
+    found: Fit, parameters: Iterable[Parameter], at: Callable[[Mapping[str, float]], FloatArray]
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Return a function y (n,) of fitted numbers, half the width of its 95 % band (n,), and its derivatives by name.
+
+    The band is that of the linearised fit, 1.96 sqrt(g' C g) with the derivatives g of y by the parameters.
+
+    Args:
+        found: the fit.
+        parameters: on which y depends; those that were not fitted have no error.
+        at: returns y at values by name.
+    """
+    index, values = {p.name: i for i, p in enumerate(found.parameters)}, found.values
+    y, slopes = at(values), {}
+    for p in (p for p in parameters if p.name in index):
+        h = 1e-3 * p.scale
+        ahead, behind = (at({**values, p.name: values[p.name] + step}) for step in (h, -h))
+        slopes[p.name] = (ahead - behind) / (2.0 * h)
+    rows, along = [index[name] for name in slopes], np.array([*slopes.values()]).reshape(len(slopes), len(y))
+    variance = np.einsum("ji,jk,ki->i", along, found.covariance[np.ix_(rows, rows)], along)
+    return y, Z95 * np.sqrt(np.maximum(variance, 0.0)), slopes
 
 
 def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
@@ -69,9 +115,11 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
     for p, at_bound, length in zip(found.parameters, found.at_bound, found.lengths, strict=True):
         if ":" not in p.name:
             low, high = found.interval(p.name, Z95)
+            settled = low > p.low or high < p.high
             low = declared.get(p.name, p).low if low <= p.low else low
             value = p.default if p.shape and length == 0.0 else found.values[p.name]
-            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), KnownNumber.of(p, value))
+            known = None if p.sd is None else KnownNumber(p.expected, p.sd, float(p.deviation(value)))
+            result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), known, settled)
     return result
 
 
@@ -115,6 +163,7 @@ class Row:
         error, held_out_error: nRMSE over all channels of the fitted and of the held-out trials with these causes in the
             model; None where nothing is held out.
         sizes: estimates of the causes' parameters by full name.
+        delays: of the joints behind their command by beat frequency, where servo dynamics are among the causes.
         chosen: selection frequency. Each fitted run is left out in turn, and nothing is refitted: the share of these
             cases in which the set is the best of its size. None where one run alone was fitted.
     """
@@ -139,6 +188,7 @@ class Row:
     error: float | None = None
     held_out_error: float | None = None
     sizes: Mapping[str, Estimate] = field(default_factory=dict)
+    delays: Mapping[str, Estimate] = field(default_factory=dict)
 
     @classmethod
     def of(

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from mjfish.diagnosis.failures import LISTED, folded
+from mjfish.diagnosis.forms import form_in_words
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.table import Comparison, Names, Row, Table, one_mechanism
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import MECHANISMS
+from mjfish.formats import number, p_value, percent
 
 _OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
 
@@ -97,7 +99,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         return Decision(
             "nothing_wrong",
             (),
-            f"Nothing wrong was found: the nominal model fits to within noise (p = {table.p_wrong:.2g}).",
+            f"Nothing wrong was found: the nominal model fits to within noise (p = {p_value(table.p_wrong)}).",
         )
     single = table.single
     for comparison, clean in ((single, True), (table.several or Comparison(), False), (single, False)):
@@ -140,7 +142,7 @@ def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision |
         return None
     alike = one_mechanism(similar) and len(similar) > 1
     what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))
-    choice = f"{what} explains {1.0 - best.left:.0%} of it and leaves something systematic: {_OTHERWISE}"
+    choice = f"{what} explains {percent(1.0 - best.left)} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", _sets(similar), _undecided(choice))
 
 
@@ -150,9 +152,9 @@ def _alone(rows: Sequence[Row], limits: Thresholds) -> Decision:
     p = first.p_value
     if p < limits.keep:
         clean = first.clean(limits)
-        left = "" if clean else f" It leaves {first.left:.1%} of the misfit: {_OTHERWISE}."
+        left = "" if clean else f" It leaves {percent(first.left)} of the misfit: {_OTHERWISE}."
         return Decision("named", _sets(rows), message_of(rows, claimed=clean) + left, left)
-    choice = f"{_listed([first.names])} fits, but explains no more than chance does (p = {p:.2g})"
+    choice = f"{_listed([first.names])} fits, but explains no more than chance does (p = {p_value(p)})"
     return Decision("cannot_tell", (first.names,), _undecided(choice))
 
 
@@ -187,13 +189,12 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
         return f"The cause is {name}: {summary}."
     mechanism = first.mechanisms[0]
     formulas = [row.names[0] for row in rows if not row.learned]
-    form = f"its form may be {' or '.join(formulas)}" if formulas else "no formula fits, its form is learned"
     known = MECHANISMS[mechanism].summary if mechanism in MECHANISMS else summary
-    return f"The mechanism is {mechanism}: {known}; {form}."
+    return f"The mechanism is {mechanism}: {known}; {form_in_words(formulas)}."
 
 
 def _why(best: Row, limits: Thresholds) -> str:
-    left = f"leaves {best.left:.0%} of the misfit, and what it leaves is systematic"
+    left = f"leaves {percent(best.left)} of the misfit, and what it leaves is systematic"
     return left if not best.fits(limits) else failing(best.held_out, limits) if best.fails(limits) else "is rejected"
 
 
@@ -205,11 +206,11 @@ def failing(confirmation: Confirmation | None, limits: Thresholds) -> str:
 def errs(confirmation: Confirmation, limits: Thresholds = THRESHOLDS) -> str:
     """Say how a model errs on the held-out trials, by both measures: they may disagree where noise is slow."""
     if confirmation.misses_speed(limits):
-        return f"its mean speed there is {confirmation.speed_ratio:.0f} times further off than without it"
+        return f"its mean speed there is {number(confirmation.speed_ratio)} times further off than without it"
     change, gained = confirmation.error_ratio - 1.0, confirmation.gained
-    error = f"its nRMSE on the held-out trials is {abs(change):.1%} {'larger' if change > 0.0 else 'smaller'}"
+    error = f"its nRMSE on the held-out trials is {percent(abs(change))} {'larger' if change > 0.0 else 'smaller'}"
     link = "although" if (change > 0.0) == (gained > 0.0) else "and"
-    likelihood = f"{link} its log-likelihood is {abs(gained):.3g} {'higher' if gained > 0.0 else 'lower'}"
+    likelihood = f"{link} its log-likelihood is {number(abs(gained))} {'higher' if gained > 0.0 else 'lower'}"
     return f"{error} than without it, {likelihood}"
 
 

@@ -17,6 +17,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation import Problem
 from mjfish.estimation.omnibus import beat_phase
+from mjfish.formats import channel_name, percent
 from mjfish.frames import CHANNELS
 
 Labels = np.ndarray[Any, Any]
@@ -49,6 +50,11 @@ class Where:
     phases: dict[str, float]
     speeds: dict[str, float]
     turns: dict[str, float]
+
+    @property
+    def densest(self) -> str:
+        """The channel and the trial that hold most of it, in words."""
+        return f"{channel_name(self.channel)} ({percent(self.channels[self.channel], 2)} of it), trial {self.trial}"
 
 
 def locate(evidence: Evidence, directed: bool) -> Where:

@@ -144,6 +144,16 @@ class Identification(Result):
         fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
         return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
 
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of an estimate, for residuals that are correlated; of a fit that was lost, plain."""
+        return (self.fit if self.assessment is None else self.assessment.intervals).interval(name)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """The standard errors behind these intervals, by name."""
+        known = None if self.assessment is None else self.assessment.intervals
+        return self.fit.sigma if known is None else dict(zip(known.names, known.sigma.tolist(), strict=True))
+
     def summary(self) -> str:
         """Return status, errors and coefficients, a line each; at most ten."""
         fit, width = self.fit, max(len(p.name) for p in self.fit.parameters)
@@ -164,7 +174,7 @@ class Identification(Result):
         room = _SUMMARY_LINES - len(lines)
         shown = shared if len(shared) <= room else shared[: room - 1]
         for k in shown:
-            p, (low, high) = fit.parameters[k], fit.interval(fit.parameters[k].name)
+            p, (low, high) = fit.parameters[k], self.interval(fit.parameters[k].name)
             bound = "  at its bound" if fit.at_bound[k] else ""
             lines.append(f"  {p.name:{width}} = {fit.x[k]:.4g} ({low:.4g} to {high:.4g}) {p.unit}{bound}")
         if len(shown) < len(shared):
@@ -188,9 +198,9 @@ class Identification(Result):
             "parameters": {
                 p.name: {
                     "estimate": solution.values[p.name],
-                    "standard_error": solution.sigma[p.name],
-                    "low": solution.interval(p.name)[0],
-                    "high": solution.interval(p.name)[1],
+                    "standard_error": self.sigma[p.name],
+                    "low": self.interval(p.name)[0],
+                    "high": self.interval(p.name)[1],
                     "unit": p.unit,
                     "at_bound": bool(at_bound),
                     "deviation": p.deviation(solution.values[p.name]) if p.sd is not None else None,
@@ -408,7 +418,6 @@ def origin(result: Identification) -> list[str]:
     Every coefficient has its interval, as in the table of `mjfish identify`.
     """
     fit, fixed = result.fit, result.problem.fixed if result.problem is not None else {}
-    known = fit if result.assessment is None else result.assessment.intervals
     lines = [
         f"Coefficients of this body, from the dataset '{result.dataset.name}' by mjfish {version('mjfish')}:",
         f"{fit.status}, sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate (95 % interval):",
@@ -416,7 +425,7 @@ def origin(result: Identification) -> list[str]:
     held = {p.name: ", at its bound" * bool(at) for p, at in zip(fit.parameters, fit.at_bound, strict=True)}
     for name in result.dataset.fish.coefficient_names:
         if name in held:
-            low, high = known.interval(name)
+            low, high = result.interval(name)
             lines.append(f"  {name} = {fit.values[name]:.6g} ({low:.4g} to {high:.4g}){held[name]}")
         else:
             lines.append(f"  {name} {'held fixed' if name in fixed else 'not fitted'}")

@@ -1,4 +1,4 @@
-"""A limit on the time of a fit: the clock is looked at before every simulation, and costs nothing else.
+"""A limit on the time of a fit: the clock is looked at before every simulation, which is counted.
 
 Code that never returns, in an effect of the user's, is not ended by it.
 """
@@ -10,6 +10,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+
+from mjfish.execution import execution
 
 #: When the time is up, and how many seconds there were.
 _end: ContextVar[tuple[float, float]] = ContextVar("end", default=(math.inf, math.inf))
@@ -30,7 +32,8 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 def check_time() -> None:
-    """Raise `PastLimitError` where the time is up."""
+    """Count a simulation, or raise `PastLimitError` where the time is up."""
+    execution().meter.simulated()
     end, seconds = _end.get()
     if time.monotonic() > end:
         raise PastLimitError(f"it took longer than the limit of {seconds:g} s")

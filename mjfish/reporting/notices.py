@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from mjfish.diagnosis import DiagnosisData
+if TYPE_CHECKING:
+    from mjfish.diagnosis import DiagnosisData
 
 
-@dataclass(frozen=True)
-class Notice:
-    """One of them.
+def notices(diagnosis: DiagnosisData) -> tuple[tuple[str, str, str], ...]:
+    """Return a status that is not good, then all findings about the data, worst first, then all remarks.
 
-    Attributes:
-        kind: ``status``, ``remark`` of the diagnosis, or the severity of a finding about the data: ``blocks``,
-            ``suspect`` or ``remark``.
-        source: ``fit``, ``data`` or ``diagnosis``.
-        text: in words.
+    Each with its kind (``status``, ``remark`` of the diagnosis, or the severity of a finding: ``blocks``, ``suspect``
+    or ``remark``), its source (``fit``, ``data`` or ``diagnosis``) and its text.
     """
-
-    kind: str
-    source: str
-    text: str
-
-
-def notices(diagnosis: DiagnosisData) -> tuple[Notice, ...]:
-    """Return a status that is not good, then all findings about the data, worst first, then all remarks."""
-    status = () if diagnosis.status == "ok" else (Notice("status", "fit", diagnosis.status),)
-    findings = (Notice(finding.severity, "data", finding.message) for finding in diagnosis.checks.findings)
-    return (*status, *findings, *(Notice("remark", "diagnosis", remark) for remark in diagnosis.remarks))
+    status = () if diagnosis.status == "ok" else (("status", "fit", f"{diagnosis.status}: {diagnosis.caution}"),)
+    findings = ((f.severity, "data", f"{f.code}: {f.message}") for f in diagnosis.checks.findings)
+    return (*status, *findings, *(("remark", "diagnosis", remark) for remark in diagnosis.remarks))

@@ -8,6 +8,13 @@ from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.setup import CauseText
 from mjfish.effects.mechanism import MECHANISMS
 
+#: How the verdicts read.
+VERDICTS = {
+    "named": "Cause named",
+    "nothing_wrong": "Nothing wrong",
+    "cannot_tell": "Cannot tell",
+    "unexplained": "Unexplained",
+}
 #: Most causes that a headline lists.
 _LISTED = 3
 

@@ -13,14 +13,15 @@ def test_progress_through_a_pipe_is_a_line_at_times(
     """Catches silence for minutes, and a line for every step. Brackets of a name are no markup."""
     now = 100.0
     monkeypatch.setattr(console.time, "monotonic", lambda: now)
+    monkeypatch.setattr(console.err, "get_time", lambda: now)
     with console.progress_bar() as tell:
         for seconds in range(45):
             now = 100.0 + seconds
             tell(f"refitting [{seconds}]", seconds / 45)
     assert capsys.readouterr().err.splitlines() == [
         "starting (0%)",
-        "refitting [20] (44%, about 25 s left)",
-        "refitting [40] (89%, about 5 s left)",
+        "refitting [20] (44%, about 26 s left)",
+        "refitting [40] (89%, about 6 s left)",
     ]
 
 

@@ -56,8 +56,8 @@ def test_the_diagnosis_is_told_first_and_the_splits_behind_it(stubbed: Run) -> N
     rows = _rows(shown[len(plain) :])
     assert rows == [
         ["servo_dynamics", "1 of 2", "1", "0", "1"],
-        ["v1", "v3, v5", "cannot tell", "not named: servo_dynamics", "62 %  (57 % to 66 %)"],
-        ["v3 (as divided)", "v1, v5", "named", "servo_dynamics (form)", "62 %  (57 % to 66 %)"],
+        ["v1", "v3, v5", "cannot tell", "not named: servo_dynamics", "61.8 % less (57.0 % to 66.0 %)"],
+        ["v3 (as divided)", "v1, v5", "named", "servo_dynamics (form)", "61.8 % less (57.0 % to 66.0 %)"],
         ["v5", "v1, v3", "–", "not diagnosed: a: 9 numbers for 12 free parameters", "–"],
     ]
     assert "The verdict named (servo_dynamics) came in 1 of 3 splits" in shown

@@ -68,7 +68,7 @@ def test_a_machine_that_cannot_draw_says_so_and_writes_nothing(
 def _last(refuse: Callable[[str], str], line: str) -> str:
     """Return the complaint: progress is told before it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mjfish.cli.console._progress_lines", lambda: lambda _what, _done: None)
+        patch.setattr("mjfish.cli.console._Stage._shown", lambda _stage: None)
         return refuse(line)
 
 

@@ -12,10 +12,10 @@ from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels
 from mjfish.design.information import detection, separations
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.progress import silent
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
 from mjfish.fish import Fish, load_fish
+from mjfish.progress import silent
 
 
 def _pike(relative: float | None) -> Fish:

@@ -15,9 +15,9 @@ from mjfish.design.fitted_models import FittedModels, ModelEstimate
 from mjfish.design.information import Information, Separation, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.progress import silent
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
+from mjfish.progress import silent
 
 CASES = {
     "clock": ("time_offset", "servo_lag", {"time_offset.offset": -0.003}),

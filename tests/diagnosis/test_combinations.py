@@ -13,7 +13,6 @@ from mjfish.diagnosis import combinations as module
 from mjfish.diagnosis.combinations import beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refit_with
 from mjfish.diagnosis.table import Comparison, Row
 from mjfish.effects import find
@@ -113,7 +112,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
     monkeypatch.setattr(module, "compared", compared)
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
+    found, _ = find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
     assert found is not None
     assert [row.names for row in found.retained(clean=True)] == [named]
 
@@ -132,7 +131,7 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
         module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.35) for n, one in sets.items()})
     )
     singles: Any = {("drag",): _Set(("drag",), 425.0, gains=GAINS)}
-    found, _ = find_combinations(singles, (), HeldOut(None, ()), silent)  # type: ignore[arg-type]
+    found, _ = find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
     assert found is not None
     assert set(sizes) == {2}
 

@@ -27,6 +27,7 @@ from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.formats import percent
 from mjfish.frames import CHANNELS
 from mjfish.parameter import Parameter
 from mjfish.simulation.synthetic import generate
@@ -36,8 +37,26 @@ QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_curr
 
 
 @pytest.fixture(scope="module")
-def named() -> Diagnosis:
-    return diagnose(draw("time_offset", "middling", trials=4).dataset, effects=QUICK, jobs=1, seed=3)
+def named(told: list[tuple[str, float]]) -> Diagnosis:
+    data = draw("time_offset", "middling", trials=4).dataset
+    return diagnose(data, effects=QUICK, jobs=1, seed=3, progress=lambda what, done: told.append((what, done)))
+
+
+@pytest.fixture(scope="module")
+def told() -> list[tuple[str, float]]:
+    """What the diagnosis tells of its progress."""
+    return []
+
+
+def test_progress_never_falls_and_moves_with_the_work(named: Diagnosis, told: list[tuple[str, float]]) -> None:
+    """It stood at one number for minutes: no stage of this diagnosis is told once."""
+    assert named.verdict == "named"
+    shares = [done for _, done in told]
+    assert shares == sorted(shares)
+    assert (shares[0], told[-1]) == (0.0, ("done", 1.0))
+    stages = {what: [done for name, done in told if name == what] for what, _ in told[:-1]}
+    assert len(stages) > 4
+    assert min(len(set(own)) for what, own in stages.items() if what != "testing the data") > 5
 
 
 def test_draws_come_from_the_extended_model_with_the_errors_of_its_intervals(named: Diagnosis) -> None:
@@ -133,7 +152,7 @@ def test_the_closest_model_is_not_shown_where_it_misleads(
         assert candidate.row is not None
         assert candidate.row.held_out_error is not None
         ratio = candidate.row.held_out_error / result.gain.nominal["pooled"]
-        assert f"is {ratio - 1.0:.1%} larger than without it" in result.message
+        assert f"is {percent(ratio - 1.0)} larger than without it" in result.message
         if candidate.row.held_out is not None:  # the sentence has the sign that the table has
             assert ("although its log-likelihood is" in result.message) == (candidate.row.held_out.gained > 0.0)
 
@@ -171,7 +190,7 @@ def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagn
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
     named.save(tmp_path / "diagnosis.json")
     saved = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert saved["schema"] == 4
+    assert saved["schema"] == 5
     assert saved["verdict"] == "named"
     cause = saved["causes"][0]
     assert cause["name"] == "time_offset"

@@ -11,7 +11,8 @@ import pytest
 
 from mjfish.diagnosis import forms as module
 from mjfish.diagnosis.evidence import DETECTED
-from mjfish.diagnosis.forms import left_by_others, named_mechanisms, staying
+from mjfish.diagnosis.forms import form_in_words, left_by_others, named_mechanisms, simpler, staying
+from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -46,6 +47,50 @@ def test_a_formula_gives_way_to_its_own_limit() -> None:
     wide, narrow = _refit("limited_lag", 116.0, 2.0, limits=("lag",)), _refit("lag", 115.0)
     assert [refit.names for refit in staying([wide, narrow], LEARNED)] == [("lag",)]
     assert [refit.names for refit in staying([wide, _refit("lag", 50.0)], LEARNED)] == [("limited_lag",)]
+
+
+class _HeldOut:
+    """Says by how much the log-likelihood of held-out runs, and the nRMSE, change with one refit against another."""
+
+    def __init__(self, gained: float, error_ratio: float) -> None:
+        self.found = Confirmation(gained, 0.5, error_ratio)
+
+    def confirmed(self, refit: Any, against: Any) -> Confirmation:
+        assert refit.degrees_of_freedom > against.degrees_of_freedom
+        return self.found
+
+
+@pytest.mark.parametrize(
+    ("gained", "error_ratio", "as_well"),
+    [(2.2, 0.99, True), (2.4, 0.99, False), (500.0, 1.5, True), (-1.0, 0.99, True)],
+)
+def test_a_formula_is_not_alone_where_a_simpler_one_predicts_held_out_runs_as_well(
+    gained: float, error_ratio: float, as_well: bool
+) -> None:
+    """A shear of the current of −0.0016 / s was claimed where the current was the same everywhere."""
+    shown, simple = _hashed(_refit("sheared", 300.0, 4.0)), _hashed(_refit("uniform", 200.0, 2.0))
+    others = [simple, _hashed(_refit("other", 290.0, 5.0)), _hashed(_refit("law", 300.0, 3.0, learned=True))]
+    found = simpler(shown, others, _HeldOut(gained, error_ratio))  # type: ignore[arg-type]
+    assert found == ((simple,) if as_well else ())
+    assert simpler(_hashed(LEARNED), others, _HeldOut(gained, error_ratio)) == ()  # type: ignore[arg-type]
+
+
+def _hashed(refit: Any) -> Any:
+    """Return a refit that may be a key, as real ones may."""
+    return type("Refit", (), dict(vars(refit)))()
+
+
+def test_without_held_out_runs_nothing_is_said_of_simpler_formulas() -> None:
+    shown, simple = _hashed(_refit("sheared", 300.0, 4.0)), _hashed(_refit("uniform", 200.0, 2.0))
+    assert simpler(shown, [simple], HeldOut(None, ())) == ()  # type: ignore[arg-type]
+
+
+def test_what_is_said_of_a_form_fits_how_many_stay() -> None:
+    """One form was told as if there were several: "its form may be"."""
+    assert form_in_words(["a", "b"]) == "these data do not settle its form: a or b"
+    assert form_in_words(["a"]) == ("of the known formulas a alone stays; a form that is not listed is not excluded")
+    assert form_in_words(["a"], claimed=True) == "its form is a"
+    assert form_in_words([]) == "no formula fits, its form is learned"
 
 
 @pytest.fixture

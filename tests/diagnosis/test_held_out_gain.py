@@ -117,7 +117,7 @@ def test_a_model_that_swims_at_another_speed_fails_whatever_its_error(trial: Tri
         assert confirmed.failed() is fails
         told = _misleading(refit, held_out)  # type: ignore[arg-type]
         assert told == (f" The nominal model is kept, for with slow {errs(confirmed)}." if fails else "")
-        assert ("its mean speed there is 40 times further off" in told) is fails
+        assert ("its mean speed there is 40.0 times further off" in told) is fails
 
 
 def _rivals(rng: np.random.Generator, strays: float = 0.0) -> tuple[dict[str, Any], HeldOut]:

@@ -51,6 +51,18 @@ def _of_another_name() -> Diagnosis:
     return diagnosis(cause="roll_law", parameters=known)
 
 
+def _late() -> Diagnosis:
+    """Return a diagnosis of servos that says how late the joints are, with a size of which the runs say nothing."""
+    found = diagnosis()
+    (cause,) = found.causes
+    sizes = {name: replace(value, settled=False) for name, value in cause.parameters.items()}
+    delays = {"1.1 Hz": Estimate(19.3, 19.0, 19.6, "ms"), "2.23 Hz": Estimate(12.5, 1.0, 24.0, "ms", settled=False)}
+    table = found.table.described(lambda row: replace(row, delays=delays) if row.names == found.best else row)
+    first, *rest = found.candidates
+    late = replace(first, row=next(row for row in table.rows if row.names == found.best))
+    return replace(found, causes=(replace(cause, parameters=sizes),), table=table, candidates=(late, *rest))
+
+
 def _of_places() -> Diagnosis:
     """Return a diagnosis in which places were compared, and no velocity was measured."""
     found = diagnosis()
@@ -71,6 +83,7 @@ CASES: dict[str, Callable[[], Diagnosis]] = {
     "learned": learned_diagnosis,
     "learned, of another name": _of_another_name,
     "all there is": _full,
+    "late joints": _late,
     "places": _of_places,
 }  # fmt: skip
 
@@ -88,6 +101,8 @@ def test_text_page_and_curves_are_the_same_after_a_round_trip(
     found.save(path)
     loaded = mjfish.load_diagnosis(path)
     assert loaded.summary() == found.summary()
+    assert loaded.next == found.next == tuple(loaded.content["next"])
+    assert (loaded.delays, loaded.caution, loaded.held_out) == (found.delays, found.caution, found.held_out)
     for verbose in (False, True):
         assert _text(loaded, capsys, verbose=verbose) == _text(found, capsys, verbose=verbose)
     assert render_diagnosis(loaded) == render_diagnosis(found)
@@ -98,6 +113,13 @@ def test_text_page_and_curves_are_the_same_after_a_round_trip(
     assert not complaints("diagnosis-5", loaded.to_dict())
     loaded.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_what_joints_lag_and_what_is_not_settled_are_there(tmp_path: Path) -> None:
+    _late().save(tmp_path / "diagnosis.json")
+    loaded = mjfish.load_diagnosis(tmp_path / "diagnosis.json")
+    assert loaded.delays == ("19.30 ms (19.00 to 19.60) at 1.1 Hz", "12 ms (these runs do not settle it) at 2.23 Hz")
+    assert [value.settled for cause in loaded.causes for value in cause.parameters.values()] == [False]
 
 
 def test_measured_and_simulated_velocities_are_there(tmp_path: Path) -> None:

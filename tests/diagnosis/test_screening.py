@@ -11,7 +11,6 @@ import pytest
 from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
-from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import find_threshold, off_null, refit_with, refits
 from mjfish.diagnosis.screening import screen
 from mjfish.effects import find
@@ -121,7 +120,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
         for trial, sign in zip(synthetic.trials, (1.0, -1.0), strict=True)
     ]
     problem = replace(_problem(synthetic), trials=tuple(moved))
-    findings = screen(problem, (find("inertia_error"),), None, silent, walks=True)
+    findings = screen(problem, (find("inertia_error"),), None, walks=True)
     assert (findings.p_wrong < 1e-6) is (off > 0.0)
 
 

@@ -12,7 +12,6 @@ import pytest
 from mjfish.diagnosis.combinations import MENDED, _borne_out, beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
-from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.refit import refined, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Row
@@ -42,7 +41,7 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
 def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: bool) -> None:
     """Nothing left, a second cause, or something else: only the second is a pair."""
     nominal, alone = _with_offset(kappa, scale)
-    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [row.names for row in pairs.retained(clean=True)] == [("munk_moment", "time_offset")]
@@ -53,7 +52,7 @@ def test_a_pair_must_explain_more_than_every_single_cause() -> None:
     """A learned form of the first that explains as much makes the second superfluous."""
     nominal, alone = _with_offset(1.0)
     singles = {("time_offset",): alone}
-    _, refits = find_combinations(singles, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    _, refits = find_combinations(singles, CANDIDATES, HeldOut(nominal, ()), small=True)
     pair = refits["munk_moment", "time_offset"]
     for more, pays in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
         other = replace(alone, effects=(find("marker_offset"),), gain=pair.gain + more)
@@ -72,7 +71,7 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     told = None if probability is None else Confirmation(30.0, probability)
     monkeypatch.setattr(Refit, "learned", property(lambda _refit: learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: told)
-    pairs, _ = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    pairs, _ = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [*pairs.rows] == [("munk_moment", "time_offset")]
@@ -99,7 +98,7 @@ def test_beside_a_formula_a_small_learned_form_must_mend_everything(
     monkeypatch.setattr(type(find("munk_moment")), "learned", last_learned)
     monkeypatch.setattr(Refit, "learned", property(lambda refit: len(refit.names) > 1 or not last_learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: Confirmation(30.0, 0.2))
-    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), silent, small=True)
+    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
     assert refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
     assert (pairs is None) is last_learned
 

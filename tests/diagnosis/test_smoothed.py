@@ -11,7 +11,6 @@ from scipy import interpolate, signal
 from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator
-from mjfish.diagnosis.progress import silent
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import find
@@ -45,7 +44,7 @@ def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_f
     problem = _problem(0.0, motion=True)
     short = problem.trials[0]
     cut = replace(short, name="short", time=readonly(short.time[:15]), velocity=readonly(short.velocity[:15]))
-    findings = screen(replace(problem, trials=(*problem.trials, cut)), (LAG,), None, silent, walks=True)
+    findings = screen(replace(problem, trials=(*problem.trials, cut)), (LAG,), None, walks=True)
     assert findings.evidence.problem.smoothing == Differentiator(3, 2)
     assert "differentiated over 3 samples, degree 2" in findings.remark
     assert findings.p_wrong >= THRESHOLDS.alarm
@@ -58,7 +57,7 @@ def test_nothing_is_wrong_with_a_smoothed_motion_beside_a_run_shorter_than_the_f
 )
 def test_only_a_motion_that_was_smoothed_is_smoothed(lag: float, motion: bool) -> None:
     """Central differences at 50 Hz take a tenth of the second harmonic: far more than the noise hides."""
-    findings = screen(_problem(lag, motion=motion), (LAG,), None, silent, walks=True)
+    findings = screen(_problem(lag, motion=motion), (LAG,), None, walks=True)
     found = findings.evidence.problem.smoothing
     assert found == (Differentiator(3, 2) if motion else None)
     assert ("differentiated over 3 samples, degree 2" in findings.remark) is motion
@@ -79,6 +78,6 @@ def test_half_a_window_is_left_out_where_a_filter_has_less_to_go_on() -> None:
         trials.append(replace(trial, velocity=readonly(trial.velocity + SIGMA * noise / noise[11:-11].std(axis=0))))
     problem = Problem(Model(load_fish("pike")), tuple(trials), Noise.white(SIGMA))
     effects = tuple(find(name) for name in ("ambient_current", "velocity_scale", "time_offset", "inertia_error"))
-    findings = screen(problem, effects, None, silent, walks=True)
+    findings = screen(problem, effects, None, walks=True)
     assert findings.evidence.problem.ends == 5
     assert findings.p_wrong >= THRESHOLDS.alarm

@@ -188,7 +188,7 @@ def test_the_closest_is_the_best_of_all_trials_not_of_the_fitted_ones_alone() ->
     """A learned form that explains more of the fitted trials and mispredicts the held-out ones is not closest."""
     decision = _rule({"a": BEATEN, "b": MISFIT})
     assert (decision.verdict, decision.closest) == ("unexplained", ("b",))
-    assert "the closest, b, leaves 40% of the misfit" in decision.message
+    assert "the closest, b, leaves 40.2\N{NO-BREAK SPACE}% of the misfit" in decision.message
     assert _rule({"a": GOOD}).closest == ()
 
 
@@ -229,17 +229,17 @@ def test_where_the_best_fails_on_held_out_trials_others_are_compared_and_none_is
         (
             949.0,
             1.34,
-            "nRMSE on the held-out trials is 34.0% larger than without it, although its log-likelihood is 949 h",
+            "is 34.0\N{NO-BREAK SPACE}% larger than without it, although its log-likelihood is 949 h",
         ),
         (
             -50.0,
             1.2,
-            "nRMSE on the held-out trials is 20.0% larger than without it, and its log-likelihood is 50 lower",
+            "is 20.0\N{NO-BREAK SPACE}% larger than without it, and its log-likelihood is 50.0 lower",
         ),
         (
             -50.0,
             0.9,
-            "nRMSE on the held-out trials is 10.0% smaller than without it, although its log-likelihood is 50 l",
+            "is 10.0\N{NO-BREAK SPACE}% smaller than without it, although its log-likelihood is 50.0 l",
         ),
     ],
 )
@@ -320,7 +320,7 @@ def test_a_small_lack_of_fit_is_accepted_with_rivals_too() -> None:
 
 
 def test_what_a_named_cause_leaves_is_said() -> None:
-    assert "It leaves 2.0% of the misfit" in _rule({"a": LITTLE}).message
+    assert "It leaves 1.96\N{NO-BREAK SPACE}% of the misfit" in _rule({"a": LITTLE}).message
     assert "leaves" not in _rule({"a": GOOD}).message
 
 
@@ -330,7 +330,7 @@ def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
     far = _with(comparison, "b", behind=30.0)
     decision = _decided(far)
     assert (decision.verdict, decision.sets, decision.certain) == ("cannot_tell", (("a",),), ())
-    assert "a explains 80% of it and leaves something systematic" in decision.message
+    assert "a explains 80.0\N{NO-BREAK SPACE}% of it and leaves something systematic" in decision.message
     assert _decided(comparison).sets == (("a",), ("b",))
     many = _compared({"a": LIKE, "b": near, "c": near, "d": near})
     assert _decided(many).verdict == "unexplained"

@@ -12,12 +12,16 @@ from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, off_truth, swimming
 
 from mjfish.arrays import readonly
+from mjfish.cli import console
+from mjfish.cli.identify import _coefficients
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Identification, identify
+from mjfish.estimation.identification import origin
 from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.settings import Settings
 from mjfish.files import write_json
 from mjfish.fish import Fish
+from mjfish.formats import number
 
 
 @pytest.fixture(scope="module")
@@ -73,13 +77,33 @@ def test_the_report_is_plain_data_with_every_estimate(found: Identification) -> 
     for name, entry in told["parameters"].items():
         assert entry["low"] < entry["estimate"] < entry["high"]
         assert abs(entry["estimate"] - TRUTH[name]) < 4.0 * entry["standard_error"]
-        assert entry["standard_error"] == found.fit.sigma[name]
+        assert entry["standard_error"] == found.sigma[name]
         assert entry["unit"] == "-"
         assert entry["at_bound"] is False
     assert np.shape(told["correlation"]["matrix"]) == (9, 9)
     assert told["samples"] == 906
     assert told["cost"] == pytest.approx(found.fit.sse)
     assert {score["trial"] for score in told["scores"]} == {"v1", "v3", "v5"}
+
+
+def test_an_estimate_has_one_interval_wherever_it_is_read(
+    found: Identification, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Noise that goes on in time, taken for white, makes the plain intervals too narrow: they differ from these."""
+    monkeypatch.setattr(console.out, "_width", 200)
+    console.show(_coefficients(found))
+    lines = capsys.readouterr().out.splitlines()
+    rows = {cells[0]: cells[1:5] for line in lines if len(cells := line.split()) == 5}
+    told, summary, top = found.to_dict()["parameters"], found.summary(), "\n".join(origin(found))
+    assert found.assessment is not None
+    for name, entry in told.items():
+        low, high = found.assessment.intervals.interval(name)
+        assert (low, high) == (entry["low"], entry["high"]) != found.fit.interval(name)
+        cells = [number(entry[key], 4) for key in ("estimate", "low", "high", "standard_error")]
+        assert rows[name] == cells
+        if f"{name} " in summary:
+            assert f"({low:.4g} to {high:.4g})" in summary
+        assert f"{name} = {entry['estimate']:.6g} ({low:.4g} to {high:.4g})" in top
 
 
 def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, synthetic: Dataset, tmp_path: Path) -> None:

@@ -51,6 +51,11 @@ def found(synthetic: Dataset) -> Fit:
     return one
 
 
+def _identification(synthetic: Dataset, found: Fit) -> Identification:
+    """Return what was found without an assessment, the coefficients of `FIXED` told."""
+    return Identification(synthetic, found, np.ones(3), (), (), problem=problem(synthetic, fixed=FIXED))
+
+
 def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: Dataset, found: Fit) -> None:
     fish = identified_fish(synthetic.fish, found, FIXED)
     assert fish.values == {**found.values, **FIXED}
@@ -67,9 +72,7 @@ def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: 
 def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
     fish = identified_fish(synthetic.fish, found, FIXED)
-    posed = problem(synthetic, fixed=FIXED)
-    named = replace(synthetic, name="pool --\n")
-    told = origin(Identification(named, found, np.ones(3), (), (), problem=posed))
+    told = origin(_identification(replace(synthetic, name="pool --\n"), found))
     fish_toml.write(tmp_path / "fish.toml", fish, told)
     assert load_fish(tmp_path / "fish.toml") == fish
     export.write(tmp_path / "fish.xml", fish, comments=told)
@@ -86,8 +89,7 @@ def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset
 
 def test_a_fit_that_stopped_early_says_so_on_top(synthetic: Dataset) -> None:
     stopped = fit(problem(synthetic), evaluations=1)
-    told = origin(Identification(synthetic, stopped, np.ones(3), (), ()))
-    assert "The fit stopped: the most evaluations were used, 1" in told
+    assert "The fit stopped: the most evaluations were used, 1" in origin(_identification(synthetic, stopped))
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:

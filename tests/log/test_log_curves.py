@@ -87,7 +87,7 @@ def test_every_curve_is_in_the_log_and_is_told_in_words(log: Path) -> None:
     found = entities(log)
     (mechanism,) = learned_diagnosis().mechanisms
     said = text(log, "/curves/about", "TextDocument:text")
-    assert said.startswith("**drag_law: named as a mechanism; the data do not settle its form: reynolds_drag or linear")
+    assert said.startswith("**drag_law: these data do not settle its form: reynolds_drag or linear")
     for curve in mechanism.curves:
         assert f"/curves/drag_law/{curve.quantity}-{curve.group}/nominal" in found
         assert f"\n- {curve.summary()}\n" in said

@@ -94,14 +94,15 @@ def test_each_of_several_causes_is_said_to_be_one_whether_or_not_it_was_refitted
 
 def test_what_leaves_something_is_not_said_to_leave_nothing() -> None:
     """A cause of another form than the model's is named, or possible, and what it leaves is said."""
+    left = "something systematic is left, 9.09\N{NO-BREAK SPACE}% of the misfit."
     found = diagnosis()
     best, *rest = found.candidates
     assert _said(replace(found, candidates=(_leaving(best), *rest)))["servo_lag"] == (
-        "The cause: with it in the model something systematic is left."
+        f"The cause: with it in the model {left}"
     )
     found = diagnosis("cannot_tell")
     best, second, *rest = (_leaving(c) if c.row is not None and c.row.tests else c for c in found.candidates)
     tied = _said(replace(found, candidates=(best, second, *rest)))
-    assert "from its rivals, and with it something systematic is left." in tied["time_offset"]
+    assert f"from its rivals, and with it {left}" in tied["time_offset"]
     alone = replace(found, candidates=(best, *rest), rivals=(), alternatives=(("servo_lag",),))
-    assert _said(alone)["servo_lag"] == "Possible, and the closest: with it something systematic is left."
+    assert _said(alone)["servo_lag"] == f"Possible, and the closest: with it {left}"

@@ -23,7 +23,7 @@ def _text(html: str) -> str:
 
 def test_the_page_tells_form_quantity_groups_and_where_the_runs_have_been() -> None:
     told = _text(render_diagnosis(learned_diagnosis()))
-    assert "drag_law: named as a mechanism; the data do not settle its form: reynolds_drag or linear_drag." in told
+    assert "drag_law: these data do not settle its form: reynolds_drag or linear_drag." in told
     assert "Drag coefficient across, c_d: head, body and tail" in told
     assert "body 0.046 to 0.46 m/s" in told
     assert "head nowhere that says something of it; body 0.046 to 0.46 m/s" in told
@@ -45,7 +45,7 @@ def test_what_the_runs_bear_of_a_curve_is_said(freedom: float | None, visited: t
     curve = drag_curve("c_d", "body", visited=visited, freedom=freedom)
     assert curve.bears == bears
     (row,) = form_rows([replace(drag_law(), curves=(curve,))])
-    caption, summary = row.figures[0].caption, curve.summary()
+    caption, summary = row[1][0].caption, curve.summary()
     assert ("one number, no curve" in caption, "one number" in summary) == (bears == "number", bears == "number")
     assert ("nowhere" in caption, "say nothing of it" in summary) == (bears == "nothing", bears == "nothing")
 
@@ -57,7 +57,7 @@ def test_without_curves_there_is_no_such_section() -> None:
 
 def test_a_figure_a_quantity_and_a_panel_a_group() -> None:
     (row,) = form_rows([drag_law()])
-    across, along = row.figures
+    across, along = row[1]
     assert [note.text for note in across.figure.layout.annotations] == ["c_d, head", "c_d, body", "c_d, tail"]
     assert [note.text for note in along.figure.layout.annotations] == ["c_f, head", "c_f, body"]
     assert across.figure.layout.xaxis2.type == "log"

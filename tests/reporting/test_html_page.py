@@ -134,13 +134,13 @@ def test_what_to_do_next_stands_on_the_first_screen() -> None:
     def first(name: str) -> str:
         return next(_page(name).every("div", "next")).text
 
-    assert "To confirm: The servos follow their command late Log the joint angles on the bench" in first("named")
+    assert "Confirm servo_lag: log the joint angles on the bench" in first("named")
     assert "mjfish simulate --fish extended.toml" in first("named")
-    assert "To test: The clocks of camera and drive are apart Flash a light" in first("cannot_tell")
+    assert "Test time_offset: flash a light" in first("cannot_tell")
     assert "mjfish plan DATASET ranks runs by how far they set the rivals apart" in first("cannot_tell")
     assert "mjfish plan DATASET ranks runs by what they would show" in first("nothing_wrong")
     last = first("unexplained")
-    assert "To test what comes closest: The servos follow their command late Log the joint angles on the bench" in last
+    assert "Test what comes closest, servo_lag: log the joint angles on the bench" in last
     assert last.index("comes closest") < last.index("mjfish diagnose DATASET --effects my_effects.py")
 
 

@@ -45,15 +45,14 @@ def test_sets_of_several_causes_have_a_column_each_with_numbers_of_the_table() -
     table = replace(found.table, several=Comparison({known.names: known}))
     several = replace(found, alternatives=pairs, best=pairs[1], table=table)
     first, second = rivals(several)
-    assert (first.names, first.drawn, first.row) == (pairs[1], True, None)
-    assert (second.names, second.drawn, second.row) == (pairs[0], False, known)
+    assert (first, second) == ((pairs[1], None), (pairs[0], known))
     assert "Rivals side by side" in render_diagnosis(several)
 
 
 @pytest.mark.parametrize("verdict", ["named", "nothing_wrong", "unexplained"])
 def test_without_rivals_there_is_no_such_section(verdict: str) -> None:
     found = diagnosis(verdict)  # type: ignore[arg-type]
-    assert rivals(found) == ()
+    assert rivals(found) == []
     assert "Rivals side by side" not in render_diagnosis(found)
 
 

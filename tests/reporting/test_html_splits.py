@@ -28,8 +28,8 @@ def test_the_section_has_a_row_a_mechanism_and_a_row_a_split() -> None:
         ["The fish rolls roll", "", "1 of 2", "0", "1", "0"],
         ["The joints follow their command late servo_dynamics", "", "1 of 2", "1", "0", "0"],
         ["The water moves current", "", "0 of 2", "0", "0", "1"],
-        ["a as divided", "b, c", "named", "servo_dynamics (form), roll", "62 % (57 % to 66 %)"],
-        ["b", "a, c", "cannot tell", "certain: roll; not named: current", "−2.0 % (57 % to 66 %)"],
+        ["a as divided", "b, c", "named", "servo_dynamics (form), roll", "61.8 % less (57.0 % to 66.0 %)"],
+        ["b", "a, c", "cannot tell", "certain: roll; not named: current", "2.00 % more (57.0 % to 66.0 %)"],
         ["&lt;c&gt;", "a, b", "–", "not diagnosed: too &lt;few&gt; numbers", "–"],
     ]
     assert "Possible splits: 20." in html

@@ -13,6 +13,7 @@ from html_tree import tree
 
 from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis
+from mjfish.diagnosis.next_steps import CAUTIONS
 from mjfish.inspection import Finding, Inspection
 from mjfish.reporting.html.diagnosis import render_diagnosis
 from mjfish.reporting.notices import notices
@@ -43,18 +44,20 @@ def _on_page(found: Diagnosis) -> list[tuple[str, str]]:
 def _in_json(found: Diagnosis, path: Path) -> list[tuple[str, str]]:
     found.save(path)
     written = json.loads(path.read_text(encoding="utf-8"))
-    status = [] if written["status"] == "ok" else [("fit, status:", written["status"])]
-    data = [(f"data, {finding['severity']}:", finding["message"]) for finding in written["checks"]["findings"]]
+    status = (
+        [] if written["status"] == "ok" else [("fit, status:", f"{written['status']}: {CAUTIONS[written['status']]}")]
+    )
+    data = [(f"data, {one['severity']}:", f"{one['code']}: {one['message']}") for one in written["checks"]["findings"]]
     return [*status, *data, *(("diagnosis, remark:", remark) for remark in written["remarks"])]
 
 
 def _in_terminal(found: Diagnosis, capsys: pytest.CaptureFixture[str]) -> list[tuple[str, str]]:
-    """Return what the long output says; a line that goes on is indented, and a finding's code is before its text."""
-    show(found, "pool", verbose=True)
+    """Return what the long output says; a line that goes on is indented."""
+    show(found, "DATASET", verbose=True)
     out, err = capsys.readouterr()
-    status = [("fit, status:", line.partition(":")[0]) for line in err.splitlines()]
+    status = [("fit, status:", line) for line in err.splitlines()]
     lines = re.sub(r"\n {11}", " ", out)
-    data = re.findall(r"^(blocks|suspect) +[a-z-]+: (.*)$", lines, re.MULTILINE)
+    data = re.findall(r"^(blocks|suspect) +([a-z-]+: .*)$", lines, re.MULTILINE)
     remarks = re.findall(r"^remark +(.*)$", lines, re.MULTILINE)
     return [
         *status,
@@ -83,5 +86,5 @@ def test_the_first_screen_counts_them_and_leads_to_them() -> None:
 
 def test_a_blocking_finding_is_the_next_thing_to_do() -> None:
     first = next(tree(render_diagnosis(_warned())).every("div", "next")).text
-    assert "To mend: v1 at 3 s Cut there." in first
+    assert first.startswith("What to do next Mend v1 at 3 s: cut there.")
     assert "look at the video" not in first

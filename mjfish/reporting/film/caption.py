@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from mjfish.formats import percent
 from mjfish.reporting.film.shot import LONG
 from mjfish.reporting.film.stretch import Stretch
 from mjfish.reporting.log.drawing import COLOURS, FORCES
-from mjfish.reporting.words import percent
 
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 #: Height of the letters, in heights of the picture, and of the smallest that can be read [pixels].

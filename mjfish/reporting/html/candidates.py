@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mjfish.diagnosis import Candidate, DiagnosisData
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.reporting.words import number, percent, unit
+from mjfish.formats import number, percent, unit
 
 #: With a larger confounded share a signature says little.
 _CONFOUNDED = 0.9
@@ -107,7 +107,9 @@ def _clean(row: Row | None) -> bool:
 
 
 def _left(row: Row | None) -> str:
-    return f"{'nothing' if _clean(row) else 'something'} systematic is left"
+    if row is None or _clean(row):
+        return "nothing systematic is left"
+    return f"something systematic is left, {percent(row.left)} of the misfit"
 
 
 def possible(diagnosis: DiagnosisData) -> set[str]:

@@ -11,10 +11,19 @@ import plotly.graph_objects as go
 
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
+from mjfish.formats import number, unit
 from mjfish.reporting.html.figures import COLUMNS, Panel, panels
 from mjfish.reporting.stretches import logarithmic, span, stretches
-from mjfish.reporting.words import QUANTITY_NAMES, named_as, number, unit
 
+#: How the quantities of curves read; others by their name.
+QUANTITY_NAMES = {
+    "c_d": "Drag coefficient across, c_d",
+    "c_f": "Friction coefficient along, c_f",
+    "c_n": "Coefficient of the force across the chord, c_n",
+    "c_m": "Coefficient of the added mass, c_m",
+    "joint_angle": "Angle that the joints reach",
+    "moment": "Moment of the spring",
+}
 #: Pixels of a row of panels.
 _HEIGHT = 280
 
@@ -36,12 +45,8 @@ class FormFigure:
     width: float
 
 
-@dataclass(frozen=True)
-class FormRow:
-    """The figures of one mechanism; `told` says how deep it is named, and its forms."""
-
-    told: str
-    figures: tuple[FormFigure, ...]
+#: What is said of a mechanism and its forms, and its figures.
+FormRow = tuple[str, tuple[FormFigure, ...]]
 
 
 def form_rows(mechanisms: Iterable[NamedMechanism]) -> list[FormRow]:
@@ -52,7 +57,7 @@ def form_rows(mechanisms: Iterable[NamedMechanism]) -> list[FormRow]:
         for curve in mechanism.curves:
             quantities.setdefault(curve.quantity, []).append(curve)
         if quantities:
-            rows.append(FormRow(named_as(mechanism), tuple(_drawn(name, own) for name, own in quantities.items())))
+            rows.append((mechanism.told, tuple(_drawn(name, own) for name, own in quantities.items())))
     return rows
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import plotly.graph_objects as go
@@ -12,6 +11,7 @@ from mjfish.diagnosis import DiagnosisData, Estimate, Splits
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files import write_text
+from mjfish.formats import CHANNEL_NAMES, channel_name
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.candidates import detectable, grouped, possible, remark
 from mjfish.reporting.html.curves import FormRow, form_rows
@@ -22,34 +22,9 @@ from mjfish.reporting.html.residuals import beat_figure, speed_figure
 from mjfish.reporting.html.rivals import rivals
 from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
 from mjfish.reporting.notices import notices
-from mjfish.reporting.titles import cause_title, headline, mechanism_title
-from mjfish.reporting.words import CHANNEL_NAMES, VERDICTS, channel_name
+from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title
 
 _PARTS = ("start-up", "transition", "steady")
-
-
-@dataclass(frozen=True)
-class Part:
-    """A section of the page.
-
-    Attributes:
-        id: of its place on the page.
-        title: its heading.
-        template: that shows it.
-    """
-
-    id: str
-    title: str
-    template: str
-
-
-@dataclass(frozen=True)
-class Picture:
-    """The picture of the first screen."""
-
-    title: str
-    figure: go.Figure
-    reading: readings.Reading
 
 
 def write_diagnosis(diagnosis: DiagnosisData, path: Path, splits: Splits | None = None) -> None:
@@ -79,10 +54,9 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
         picture=picture(diagnosis, forms),
         readings=readings,
         sampled=sum(len(overlay.trial.time) for overlay in diagnosis.overlays),
-        errors=errors(diagnosis),
+        channel_name=channel_name,
         notices=notices(diagnosis),
         rivals=rivals(diagnosis),
-        channel_names=CHANNEL_NAMES,
         trials=[(overlay, overlay_figure(diagnosis, overlay)) for overlay in overlays],
         trial_names=[f"{o.trial.name}{' (held out)' if o.held_out else ''}" for o in overlays],
         beat=beat_figure(diagnosis),
@@ -95,8 +69,6 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
         remark=lambda candidate: remark(candidate, diagnosis),
         detectable=lambda candidate: detectable(candidate, diagnosis),
         limits=THRESHOLDS,
-        experiments=experiments(diagnosis),
-        bench=bench(diagnosis),
         declared=setup.parameters,
         names=[name for name in names if name not in knots],
         knots=knots,
@@ -107,60 +79,45 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
     )
 
 
-def parts(diagnosis: DiagnosisData, splits: Splits | None) -> list[Part]:
-    """Return the sections that the page of a diagnosis has, in order."""
-    experiment = "What would tell them apart" if diagnosis.verdict == "cannot_tell" else "What would confirm it"
+def parts(diagnosis: DiagnosisData, splits: Splits | None) -> list[tuple[str, str]]:
+    """Return the sections that the page of a diagnosis has, in order: the name of each and its title."""
     held_out = "What the extended model gains" if diagnosis.best else "Error on held-out trials"
     found = (
-        (Part("notices", "Findings and remarks", "notices.html.j2"), True),
-        (Part("rivals", "Rivals side by side", "rivals.html.j2"), rivals(diagnosis)),
-        (Part("experiments", experiment, "experiments.html.j2"), experiments(diagnosis)),
-        (Part("form", "Form", "form.html.j2"), any(mechanism.curves for mechanism in diagnosis.mechanisms)),
-        (Part("gain", held_out, "gain.html.j2"), diagnosis.best or diagnosis.gain),
-        (Part("splits", "How firmly the verdict is held", "splits.html.j2"), splits is not None),
-        (Part("trials", "Measured against simulated", "trials.html.j2"), True),
-        (Part("residuals", "What is left over beat and speed", "residuals.html.j2"), diagnosis.setup.velocities),
-        (Part("where", "Where the nominal model goes wrong", "where.html.j2"), diagnosis.where is not None),
-        (Part("force", "What the nominal model lacks, as a force", "force.html.j2"), diagnosis.force),
-        (Part("candidates", "Every candidate", "candidates.html.j2"), diagnosis.candidates),
-        (Part("evidence", "What the verdict is read from", "evidence.html.j2"), diagnosis.table.rows),
-        (Part("isolability", "What these runs can tell apart", "isolability.html.j2"), True),
-        (Part("coefficients", "Coefficients", "coefficients.html.j2"), True),
-        (Part("methods", "Methods", "methods.html.j2"), True),
-        (Part("provenance", "Provenance", "provenance.html.j2"), True),
+        ("notices", "Findings and remarks", True),
+        ("rivals", "Rivals side by side", rivals(diagnosis)),
+        ("form", "Form", any(mechanism.curves for mechanism in diagnosis.mechanisms)),
+        ("gain", held_out, diagnosis.best or diagnosis.gain),
+        ("splits", "How firmly the verdict is held", splits is not None),
+        ("trials", "Measured against simulated", True),
+        ("residuals", "What is left over beat and speed", diagnosis.setup.velocities),
+        ("where", "Where the nominal model goes wrong", diagnosis.where is not None),
+        ("force", "What the nominal model lacks, as a force", diagnosis.force),
+        ("candidates", "Every candidate", diagnosis.candidates),
+        ("evidence", "What the verdict is read from", diagnosis.table.rows),
+        ("isolability", "What these runs can tell apart", True),
+        ("coefficients", "Coefficients", True),
+        ("methods", "Methods", True),
+        ("provenance", "Provenance", True),
     )
-    return [part for part, there in found if there]
+    return [(name, title) for name, title, there in found if there]
 
 
-def picture(diagnosis: DiagnosisData, forms: list[FormRow]) -> Picture:
-    """Return the learned curve, where one is named; else the stretch on which the nominal model is worst.
+def picture(diagnosis: DiagnosisData, forms: Sequence[FormRow]) -> tuple[str, go.Figure, readings.Reading]:
+    """Return the picture of the first screen: its title, figure, and how to read it.
+
+    It is the learned curve, where one is named; else the stretch on which the nominal model is worst.
 
     Of places, the path of the run on which it is.
     """
     if forms and any(mechanism.form == "learned" for mechanism in diagnosis.mechanisms):
-        first = forms[0].figures[0]
-        return Picture(first.title, first.figure, readings.CURVE)
+        first = forms[0][1][0]
+        return (first.title, first.figure, readings.CURVE)
     if not diagnosis.setup.velocities and (run := worst_path(diagnosis)) is not None:
         held_out = "held-out " if run.held_out else ""
         title = f"Path in {held_out}trial {run.trial.name}: where the nominal model is worst"
-        return Picture(title, path_figure(diagnosis, run), readings.PATH)
+        return (title, path_figure(diagnosis, run), readings.PATH)
     stretch = worst_stretch(diagnosis)
-    return Picture(stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
-
-
-def experiments(diagnosis: DiagnosisData) -> list[str]:
-    """Return the causes whose bench experiments settle the verdict: the named ones, or else the rivals."""
-    asked = [cause.name for cause in diagnosis.causes] or [name for group in diagnosis.rivals for name in group]
-    return [name for name in asked if name in diagnosis.setup.causes]
-
-
-def bench(diagnosis: DiagnosisData) -> dict[str, list[str]]:
-    """Return what the causes do that each of these experiments settles; where none explains, the closest."""
-    found: dict[str, list[str]] = {}
-    causes = diagnosis.setup.causes
-    for name in experiments(diagnosis) or [name for name in (diagnosis.closest,) if name in causes]:
-        found.setdefault(causes[name].confirm, []).append(cause_title(name, causes))
-    return found
+    return (stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
 
 
 def _forces(diagnosis: DiagnosisData) -> list[tuple[str, go.Figure]]:
@@ -168,14 +125,6 @@ def _forces(diagnosis: DiagnosisData) -> list[tuple[str, go.Figure]]:
     densest = diagnosis.where.trial if diagnosis.where is not None else ""
     ordered = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
     return [(missing.trial, force_figure(missing)) for missing in ordered]
-
-
-def errors(diagnosis: DiagnosisData) -> list[tuple[str, float, float]]:
-    """Return rows of held-out nRMSE: channel (or all of them), of the nominal and of the extended model."""
-    gain = diagnosis.gain
-    if gain is None:
-        return []
-    return [(channel_name(name), gain.nominal[name], gain.extended[name]) for name in gain.nominal]
 
 
 def shares(diagnosis: DiagnosisData) -> list[tuple[str, str, dict[str, float]]]:

@@ -12,6 +12,7 @@ from mjfish.estimation.intervals import Profile
 from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ALL, ResidualTests
 from mjfish.files import make_folder
+from mjfish.formats import CHANNEL_NAMES, channel_name, p_value
 from mjfish.frames import CHANNELS
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.figures import (
@@ -21,7 +22,6 @@ from mjfish.reporting.html.figures import (
     residual_figure,
 )
 from mjfish.reporting.html.pages import Block, Section, write_figures
-from mjfish.reporting.words import CHANNEL_NAMES, channel_name, p_value
 
 
 def write_identification_figures(

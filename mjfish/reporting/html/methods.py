@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.reporting.words import estimate, interval, number, p_value, percent, unit
+from mjfish.formats import number, p_value
 
 #: Works that the text may cite, by key.
 REFERENCES = {
@@ -32,23 +31,15 @@ NOISE_WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class Methods:
-    """The text, by paragraph, and the works that it cites, by key."""
-
-    paragraphs: tuple[str, ...]
-    references: dict[str, str]
-
-
-def methods(diagnosis: DiagnosisData) -> Methods:
-    """Return the methods of a diagnosis.
+def methods(diagnosis: DiagnosisData) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the methods of a diagnosis, by paragraph, and the works that they cite, by key.
 
     Numbers are those of this diagnosis; what was not done is not said.
     """
     parts = (_data(diagnosis), _tests(diagnosis), _causes(diagnosis), _held_out(diagnosis), _rest(diagnosis))
     paragraphs = tuple(" ".join(sentences) for part in parts if (sentences := list(part)))
     cited = {key: work for key, work in REFERENCES.items() if any(f"[{key}]" in text for text in paragraphs)}
-    return Methods(paragraphs, cited)
+    return paragraphs, cited
 
 
 def noise_words(noise: Mapping[str, Any]) -> str:
@@ -104,21 +95,15 @@ def _causes(diagnosis: DiagnosisData) -> Iterable[str]:
         if effect is not None and effect.learned:
             yield "Its form was learned: values of curves, kept smooth by a prior [Wood2017]."
             continue
-        sizes = [
-            f"{name} = {estimate(value)} {unit(value.unit)}".strip()
-            + (f" (95 % interval {interval(value)})" if interval(value) else "")
-            for name, value in cause.parameters.items()
-        ]
-        yield f"Estimates: {'; '.join(sizes)}."
+        sizes = [f"{name} = {value.told}" for name, value in cause.parameters.items()]
+        yield f"Estimates with 95 % intervals: {'; '.join(sizes)}."
 
 
 def _held_out(diagnosis: DiagnosisData) -> Iterable[str]:
-    if (gain := diagnosis.gain) is not None and diagnosis.best:
+    if diagnosis.gain is not None and diagnosis.best:
         yield (
-            f"On the held-out trials the root-mean-square error, in shares of the range of each channel, is "
-            f"{percent(gain.nominal['pooled'])} of the nominal and {percent(gain.extended['pooled'])} of the extended "
-            f"model, {percent(gain.relative_reduction, 2)} less (95 % interval {percent(gain.low, 2)} to "
-            f"{percent(gain.high, 2)}, block bootstrap)."
+            "Error on held-out trials (root mean square over the range of each channel, 95 % interval by block "
+            f"bootstrap): {diagnosis.held_out}."
         )
 
 

@@ -14,8 +14,8 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from mjfish import formats
 from mjfish.files import write_text
-from mjfish.reporting import words
 from mjfish.reporting.html.figures import COLOURS
 from mjfish.reporting.html.readings import Reading
 
@@ -76,7 +76,7 @@ def render(template: str, **view: Any) -> str:
 
     Args:
         template: name of the file in ``templates``.
-        view: what the template may use. It also has the formats of `mjfish.reporting.words` as filters, and ``themed``,
+        view: what the template may use. It also has the formats of `mjfish.formats` as filters, and ``themed``,
             which turns a figure into data for plotly.js.
     """
     return _environment().get_template(template).render(view, plotly_js=Markup(plotly_js()), colours=COLOURS)  # noqa: S704
@@ -115,6 +115,6 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    formats = (words.number, words.percent, words.p_value, words.unit, words.estimate, words.interval, themed)
-    environment.filters.update({function.__name__: function for function in formats})
+    shown = (formats.number, formats.percent, formats.p_value, formats.unit, formats.counted, themed)
+    environment.filters.update({function.__name__: function for function in shown})
     return environment

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis import DiagnosisData, Overlay
+from mjfish.formats import CHANNEL_NAMES
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
-from mjfish.reporting.words import CHANNEL_NAMES
 
 #: Bins of one beat, and of the speeds.
 BINS = 24

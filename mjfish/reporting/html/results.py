@@ -19,6 +19,7 @@ from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
+from mjfish.formats import CHANNEL_NAMES
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import DataReport, Inspection
 from mjfish.reporting.html.data_report import write_data_report
@@ -26,7 +27,6 @@ from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
 from mjfish.reporting.html.pages import Block, Section, write_figures
-from mjfish.reporting.words import CHANNEL_NAMES
 from mjfish.simulation import CrossCheck, Simulation
 
 #: Colours of trials, in turn.

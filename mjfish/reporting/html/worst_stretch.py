@@ -9,9 +9,9 @@ import plotly.graph_objects as go
 
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis import DiagnosisData, Overlay
+from mjfish.formats import CHANNEL_NAMES
 from mjfish.frames import CHANNELS, UNITS
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
-from mjfish.reporting.words import CHANNEL_NAMES
 
 #: Beats that are shown.
 _BEATS = 6.0

@@ -15,8 +15,8 @@ import rerun.blueprint as rrb
 from mjfish.arrays import FloatArray
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
+from mjfish.formats import number, unit
 from mjfish.reporting.stretches import logarithmic, span, stretches
-from mjfish.reporting.words import named_as, number, unit
 
 #: Width and height of the frame of a curve, and the room around it for labels.
 FRAME = (160.0, 100.0)
@@ -49,7 +49,7 @@ def log_curves(recording: rr.RecordingStream, mechanisms: Sequence[NamedMechanis
     lines = []
     for mechanism in mechanisms:
         if mechanism.curves:
-            lines.append(f"**{named_as(mechanism)}.**\n\n" + "\n".join(f"- {c.summary()}" for c in mechanism.curves))
+            lines.append(f"**{mechanism.told}.**\n\n" + "\n".join(f"- {c.summary()}" for c in mechanism.curves))
         for curve in mechanism.curves:
             _log(recording, _root(mechanism, curve), curve)
     if lines:

@@ -19,6 +19,7 @@ from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.fish import Fish
+from mjfish.formats import number, percent
 from mjfish.model import Model, asked_motion
 from mjfish.model.model import Prepared, pose_of
 from mjfish.ode.forces import LinkForces, link_forces
@@ -27,7 +28,7 @@ from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn
 from mjfish.reporting.log.events import events_of
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
-from mjfish.reporting.words import VERDICTS, number, percent
+from mjfish.reporting.titles import VERDICTS
 from mjfish.simulation import Simulation
 
 
