@@ -22,6 +22,7 @@ def _posed(residual: Function, derivative: Function, count: int) -> Any:
     """Return a problem whose residual (n,) has this derivative (n, p), and no priors."""
     return SimpleNamespace(
         residual=residual,
+        lost_row=lambda whole: f"row {int(np.flatnonzero(~np.isfinite(whole))[0])}",
         jacobian=lambda x: BlockAngular.of(-derivative(x)),
         prior_root=np.zeros((0, count)),
         prior_mean=np.zeros(0),
@@ -114,7 +115,7 @@ def test_the_most_evaluations_end_it_and_the_message_says_so() -> None:
 
 def test_what_is_no_number_is_an_error() -> None:
     posed = _posed(lambda x: x * np.nan, lambda x: np.eye(len(x)), 2)
-    with pytest.raises(FloatingPointError, match="the residual is not finite"):
+    with pytest.raises(FloatingPointError, match="the residual is not finite: row 0"):
         _minimum(posed, np.zeros(2), np.full(2, -1.0), np.ones(2))
 
 

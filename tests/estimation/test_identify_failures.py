@@ -102,7 +102,7 @@ def test_a_prediction_without_numbers_and_without_a_word_is_told_as_one(monkeypa
         return replace(found, velocity=np.full_like(found.velocity, np.nan))
 
     monkeypatch.setattr(Model, "predict", predict)
-    _assert_told(_identified(), "diverged", "v1 is predicted as no number")
+    _assert_told(_identified(), "diverged", "surge of trial v1 at 0 s is no number")
 
 
 #: Those that every identification has, for the fast tests.

@@ -62,7 +62,7 @@ def test_what_cannot_be_meant_is_refused(
     [
         ({"loss": "square"}, "unknown loss 'square'; known: arctan, cauchy, huber, linear, soft_l1"),
         ({"weights": "mine"}, "unknown weights 'mine'"),
-        ({"starts": 0}, "starts is 0, expected 1 or more"),
+        ({"starts": 0}, "starts is 0, expected 1 to 1000000"),
         ({"loss_scale": 0.0}, "loss_scale is 0, expected a positive number"),
     ],
 )
