@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from mjfish.errors import MjfishError
     from mjfish.estimation import identify
     from mjfish.fish import Fish, load_fish
-    from mjfish.fish_of_measurements import new_fish
+    from mjfish.fish.from_measurements import new_fish
     from mjfish.inspection import inspect
     from mjfish.model import Model
     from mjfish.model.posterior import sample
     from mjfish.mujoco import BluntLink, StripFluid, StripLink
-    from mjfish.parameter import Parameter
+    from mjfish.parameters import Parameter
     from mjfish.simulation import check, generate, simulate
 
     __version__ = version("mjfish")
@@ -40,13 +40,13 @@ _HOME = {
     "BluntLink": "mujoco",
     "Fish": "fish",
     "load_fish": "fish",
-    "new_fish": "fish_of_measurements",
+    "new_fish": "fish.from_measurements",
     "Dataset": "data",
     "Trial": "data",
     "load_dataset": "data",
     "Model": "model",
     "Effect": "effects",
-    "Parameter": "parameter",
+    "Parameter": "parameters",
     "StripFluid": "mujoco",
     "StripLink": "mujoco",
     "simulate": "simulation",
@@ -100,7 +100,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'mjfish' has no attribute '{name}'")
     value = getattr(importlib.import_module(f"mjfish.{_HOME[name]}"), name)
     if not isinstance(value, type):
-        from mjfish.arguments import checked
+        from mjfish.errors.arguments import checked
 
         value = checked(value)
         value.__module__ = __name__  # where pickle finds it

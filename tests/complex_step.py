@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, numbers_of
 from mjfish.hydro.load import load_rows
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.equation import STATES, Joints, System, tail_of
 from mjfish.ode.rollout import Rollout, Workspace, integrate, start_of
 from mjfish.ode.tangents import Direction

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.beat_amplitude import TAU, keulegan_carpenter
 from mjfish.effects.effect import Effect, Values
@@ -20,7 +19,8 @@ from mjfish.effects.momentum_rate import momentum_rate
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import Load, load
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 _TEXT = {"summary": "foreign", "source": "foreign", "signature": "foreign", "confirm": "foreign"}
 

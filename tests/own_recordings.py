@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import readonly
 from mjfish.data import Sensor, Trial
 from mjfish.drive.wave import Wave, joint_motion
 from mjfish.effects import find
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 #: Frequency [Hz] and bias of all joints [rad] of each run, and where it begins: x, y [m], heading [rad].
 RUNS = {

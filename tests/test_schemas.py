@@ -27,12 +27,12 @@ from mjfish.diagnosis.result import Verdict
 from mjfish.errors import InputError
 from mjfish.estimation.identification import SCHEMA as IDENTIFICATION
 from mjfish.estimation.settings import Settings
+from mjfish.files.tomlfile import parse
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, Inspection
 from mjfish.simulation.synthetic import generate
 from mjfish.study import Study, cases, read_cases, run, study_toml
 from mjfish.study.store import SCHEMA as PIECE
-from mjfish.tomlfile import parse
 
 NAMES = [file.stem for file in schema_page.files()]
 #: Keys below these tables are names of the user's own.

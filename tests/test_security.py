@@ -27,9 +27,9 @@ _NETWORK = {
 }
 _UNSAFE = {"pickle", "marshal", "shelve", "runpy", "code", "yaml", "joblib", "dill", "cloudpickle"}
 #: Where the promise allows it.
-_RUNS_FILES = {"user_code.py"}
+_RUNS_FILES = {"files/user_code.py"}
 #: What goes to workers and comes back from them.
-_SENDS = {"execution.py", "hydro/load.py", "effects/catalogue.py"}
+_SENDS = {"execution/tasks.py", "hydro/load.py", "effects/catalogue.py"}
 _RUNS_PROGRAMS = {"reporting/log/viewer.py", "diagnosis/provenance.py"}
 
 

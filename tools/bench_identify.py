@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from comparison import Comparison, Side
-from mjfish import frames
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
-from mjfish.fish import load_fish
+from mjfish.fish import frames, load_fish
 from mjfish.model import Model
 from mjfish.mujoco import StripFluid, mjcf, prescribed
 from mjfish.simulation.synthetic import generate

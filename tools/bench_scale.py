@@ -37,7 +37,7 @@ from mjfish.effects import find
 from mjfish.estimation.identification import pose
 from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.execution import executing
-from mjfish.executors import processes
+from mjfish.execution.executors import processes
 from mjfish.fish import Cpg, load_fish
 from mjfish.simulation.synthetic import Recording, generate
 

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from make_demo import FOLDER, coefficient
-from mjfish.arrays import FloatArray
 from mjfish.data import load_dataset
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.curves import MeasuredCurve
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
+from mjfish.numerics.arrays import FloatArray
 from picture import COLOURS, Frame, axes, line, page, span_of, title
 
 #: What is drawn, and top and bottom of the panel [px].

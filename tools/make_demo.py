@@ -11,14 +11,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
-from mjfish.compiled import inlined
 from mjfish.data import Dataset, save
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
 from mjfish.fish import load_fish
 from mjfish.hydro.load import Load, load
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.numerics.compiled import inlined
+from mjfish.parameters import Parameter
 from mjfish.simulation.synthetic import generate
 
 FOLDER = Path(__file__).parents[1] / "mjfish" / "demo"

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import load_dataset
 from mjfish.diagnosis import Diagnosis, Overlay, diagnose
-from mjfish.files import write_text
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.files.writing import write_text
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.html.figures import scored_predictions
 
 WIDTH, HEIGHT = 880, 470

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from mjfish import frames
 from mjfish.drive.cpg import ZETA_START
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.fish.outline import section_at
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import section_at
 
 FloatArray = NDArray[np.float64]
 #: Nodes a link of the table of cumulative moments of the height.

@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
 from proofs.tables import TABLES
 
 PAGE = Path(__file__).parents[1] / "docs" / "theory.md"

@@ -33,11 +33,11 @@ from rich.table import Table
 from rich.text import Text
 
 from mjfish.errors import InputError
-from mjfish.files import check_file, check_folder, check_suffix, json_text
+from mjfish.files.writing import check_file, check_folder, check_suffix, json_text
 
 if TYPE_CHECKING:
     from mjfish.effects import Effect
-    from mjfish.result import Result
+    from mjfish.files.result import Result
 
 #: Exit codes.
 NOT_GOOD = 1
@@ -134,7 +134,7 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
     if cluster is None:
         yield None
         return
-    from mjfish import executors
+    from mjfish.execution import executors
 
     with executors.cluster(cluster, jobs or os.cpu_count() or 1) as executor:
         yield executor

@@ -120,7 +120,7 @@ def new(
     from mjfish.data.importers.headers import units as unit_names
     from mjfish.data.importers.tables import import_mapped
     from mjfish.data.sheet import DATES
-    from mjfish.files import check_new_folder
+    from mjfish.files.writing import check_new_folder
     from mjfish.fish import load_fish
 
     check_new_folder(folder)
@@ -223,9 +223,9 @@ def _files(answer: str) -> list[Path]:
 
 def _layout(paths: Sequence[Path], dialect: Mapping[str, Any]) -> Layout:
     """Return how the first file is laid out, by what is stated of it."""
-    from mjfish import tomlfile
     from mjfish.data.dialect import Dialect, recognise
     from mjfish.data.importers.unknown import check_once, check_text
+    from mjfish.files import tomlfile
 
     if not paths:
         raise InputError(
@@ -364,8 +364,8 @@ def _mapping(
     dialect: Mapping[str, Any],
 ) -> PosesMap | VelocitiesMap:
     """Return the mapping of the columns, with other keys ``KEY=VALUE`` as a mapping file has them."""
-    from mjfish import tomlfile
     from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+    from mjfish.files import tomlfile
 
     raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **dialect, **columns.of}
     raw |= {f"{kind}_unit": units[kind] for kind in ("time", "length", "angle")}

@@ -15,7 +15,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show, show_splits
 from mjfish.errors import InputError
-from mjfish.files import make_folder
+from mjfish.files.writing import make_folder
 
 if TYPE_CHECKING:
     from mjfish.diagnosis import Diagnosis, DiagnosisData, Splits

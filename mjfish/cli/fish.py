@@ -11,7 +11,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
-from mjfish.files import check_suffix, make_folder
+from mjfish.files.writing import check_suffix, make_folder
 
 if TYPE_CHECKING:
     from mjfish.fish import Fish
@@ -42,7 +42,7 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:
     """Write a fish TOML from a few measurements, to be corrected."""
-    from mjfish import fish_toml
+    from mjfish.fish import fish_toml
 
     name = name.removesuffix(".toml")
     body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
@@ -62,7 +62,7 @@ def write(path: Path, body: Fish, comments: Sequence[str], *, free: bool = False
     """
     check_suffix(path, *SUFFIXES)
     if path.suffix.lower() == ".toml":
-        from mjfish import fish_toml
+        from mjfish.fish import fish_toml
 
         fish_toml.write(path, body, comments)
     else:
@@ -73,8 +73,8 @@ def write(path: Path, body: Fish, comments: Sequence[str], *, free: bool = False
 
 def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML.")]) -> None:
     """Draw a fish, list its masses and its water, and say what is odd about its numbers."""
-    from mjfish.body_summary import summarise
     from mjfish.fish import read
+    from mjfish.fish.body_summary import summarise
 
     body, _ = read(fish)
     found = summarise(body)

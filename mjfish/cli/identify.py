@@ -13,7 +13,7 @@ from mjfish.cli import console
 from mjfish.cli.fish import SUFFIXES as FISH
 from mjfish.cli.fish import write
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import write_json
+from mjfish.files.writing import write_json
 from mjfish.formats import number, p_value, percent
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profi
 
 def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:
     """Write what was asked for and return the files; there are no figures of a fit that diverged."""
-    from mjfish.serialise import plain
+    from mjfish.files.plain_data import plain
 
     assessment = result.assessment
     written: list[Path] = []
@@ -174,7 +174,7 @@ def _coefficients(result: Identification) -> Table:
 
 def _agreement(result: Identification, assessment: Assessment) -> Table:
     """RMSE and nRMSE of every velocity of whole trials."""
-    from mjfish.frames import CHANNELS
+    from mjfish.fish.frames import CHANNELS
 
     title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
     table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
@@ -198,7 +198,7 @@ def _sensors(result: Identification) -> Table:
 def _fits(assessment: Assessment) -> Table:
     """Fit percentages of whole trials: simulated, and predicted some samples ahead."""
     from mjfish.estimation.agreement import HORIZONS
-    from mjfish.frames import CHANNELS
+    from mjfish.fish.frames import CHANNELS
 
     horizons = (None, *HORIZONS)
     headings = ("simulated" if horizon is None else f"{horizon} ahead" for horizon in horizons)

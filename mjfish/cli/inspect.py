@@ -9,7 +9,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import make_folder
+from mjfish.files.writing import make_folder
 from mjfish.formats import number
 
 if TYPE_CHECKING:

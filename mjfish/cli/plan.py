@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
-from mjfish.files import check_new_folder
+from mjfish.files.writing import check_new_folder
 from mjfish.formats import number
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import check_file, check_suffix
+from mjfish.files.writing import check_file, check_suffix
 
 if TYPE_CHECKING:
     from mjfish.reporting.film import Stretch

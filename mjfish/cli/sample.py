@@ -9,7 +9,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
-from mjfish.files import check_new_folder
+from mjfish.files.writing import check_new_folder
 
 
 def sample(

@@ -14,7 +14,7 @@ from mjfish.cli import console
 from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import make_folder, write_json
+from mjfish.files.writing import make_folder, write_json
 from mjfish.formats import NONE
 
 if TYPE_CHECKING:
@@ -151,8 +151,8 @@ def check(
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish.drive.modes import drive
+    from mjfish.files.plain_data import fields_of
     from mjfish.model import extended
-    from mjfish.serialise import fields_of
 
     extended_fish = extended.load(fish, effects)
     console.say(*extended_fish.described())
@@ -174,7 +174,7 @@ def _check_servos(
 ) -> Sequence[CrossCheck]:
     """Check both engines on the joint motion of MuJoCo's servos in these modes, and show the differences."""
     from mjfish import simulation
-    from mjfish.frames import CHANNELS, UNITS
+    from mjfish.fish.frames import CHANNELS, UNITS
 
     simulation.cpg_of(extended_fish.fish)
     results = []

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.comparison import rollouts
 from mjfish.comparison.rollouts import SimulatedRun
 from mjfish.data import Dataset, Role, Trial
@@ -18,11 +17,12 @@ from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement, agreement
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual
-from mjfish.frames import CHANNELS
+from mjfish.files.plain_data import fields_of
+from mjfish.files.result import Result
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.noise import Noise
-from mjfish.result import Result
-from mjfish.serialise import fields_of
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 #: Shifts are looked for up to here [s], but not beyond half a beat: there, the next beat would fit again.
 LONGEST = 0.25

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Trial, columns, read_table
 from mjfish.data.cells import check_increasing
 from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
-from mjfish.files import check_suffix
-from mjfish.frames import CHANNELS
+from mjfish.files.writing import check_suffix
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 #: A file of this name, as `mjfish simulate` writes it, is called by its folder.
 _ANONYMOUS = "rollout"

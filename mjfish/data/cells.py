@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.errors import InputError
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 #: Numbers that a table may have; as float64 they fill 256 MiB.
 MOST_NUMBERS = 2**25

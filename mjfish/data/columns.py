@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mjfish.errors import InputError
-from mjfish.frames import UNITS as VELOCITY_UNITS
+from mjfish.fish.frames import UNITS as VELOCITY_UNITS
 
 POSE = ("x", "y", "yaw")
 #: Of a fish that is free in space: roll is positive with the port side up, pitch with the nose down.

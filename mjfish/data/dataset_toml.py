@@ -14,10 +14,10 @@ from mjfish.data.filters import Filter, GaussianFilter, restored_filter
 from mjfish.data.sensor import Kind
 from mjfish.data.trial import Clock, Hold, Role
 from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.files.plain_data import fields_of
+from mjfish.files.tomlfile import Table
 from mjfish.fish import KINDS, Fish
-from mjfish.known import Beforehand
-from mjfish.serialise import fields_of
-from mjfish.tomlfile import Table
+from mjfish.fish.parameter_priors import Beforehand
 
 #: Name of the file that makes a folder a dataset.
 FILE = "dataset.toml"

@@ -17,10 +17,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mjfish import bounded
 from mjfish.data.columns import short
 from mjfish.errors import InputError
-from mjfish.tomlfile import Table
+from mjfish.files import size_limited
+from mjfish.files.tomlfile import Table
 
 TAB = "\t"
 REMEDY = "save it again as a table of numbers"
@@ -128,7 +128,9 @@ def _is_value(cell: str) -> bool:
 def _text(path: Path, encoding: str | None) -> tuple[str, str]:
     """Return the text of a file without empty lines at its end, and its encoding."""
     try:
-        raw = bounded.read_bytes(path, bounded.TABLE, "save what is wanted as UTF-8 CSV of one run", rows=True)
+        raw = size_limited.read_bytes(
+            path, size_limited.TABLE, "save what is wanted as UTF-8 CSV of one run", rows=True
+        )
     except OSError as error:
         why = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
         raise InputError(f"{path}: {why}; correct its name or put it there") from None

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
 from mjfish.data.trial import Trial
 from mjfish.errors import InputError
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Share of the variance of the errors that modes may leave out.
 _LEFT_OUT = 1e-3

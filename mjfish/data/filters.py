@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, ndimage, signal
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 
 #: Rounds of the iteration that undoes the smoothing of a heading [VanCittert1931].
 _ROUNDS = 5

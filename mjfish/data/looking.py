@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data.sensor import Sensor
 from mjfish.data.trial import Trial
 from mjfish.drive.measured import smoothing_spline
+from mjfish.fish import frames
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Said where such velocities are shown.
 SMOOTHED = "measured velocities are those of the smoothed path: for looking, nothing was fitted to them"

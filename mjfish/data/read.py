@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns, dataset_toml, error_modes, validation
 from mjfish.data.dataset_toml import DatasetTable, Law, Noise, TrialTable
 from mjfish.data.read_sensor import read_sensor
@@ -19,8 +17,10 @@ from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located, system_refusals
+from mjfish.files import tomlfile
 from mjfish.fish import Fish, load_fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 def load_dataset(path: str | Path) -> Dataset:

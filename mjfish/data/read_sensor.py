@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import columns
 from mjfish.data.dataset_toml import SensorTable
 from mjfish.data.sensor import CHANNELS_OF, ON_HEAD, PLACED, Sensor, cleaned
@@ -15,6 +14,7 @@ from mjfish.data.sheet import read_sheet
 from mjfish.data.tables import read_table
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 
 def read_sensor(entry: SensorTable, fish: Fish, source: Path, key: str) -> Sensor:

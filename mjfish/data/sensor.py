@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import columns
 from mjfish.data.cells import check_increasing
 from mjfish.errors import InputError
-from mjfish.serialise import unsaved
+from mjfish.files.plain_data import unsaved
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 Kind = Literal["position", "heading", "imu", "gyro"]
 #: What each kind measures, as the columns of its file have it.

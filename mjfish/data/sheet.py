@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.compute
 import pyarrow.csv
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data.cells import LARGEST, check_finite, check_size, row_name
 from mjfish.data.columns import short
 from mjfish.data.dialect import DECIMAL, REMEDY, SEPARATOR, SKIP, Dialect, Layout, recognise
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Beginning of the remark on such times.
 DATES = "times are dates"

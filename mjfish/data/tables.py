@@ -12,14 +12,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from mjfish import bounded
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import columns
 from mjfish.data.cells import check_finite, check_size, row_name
 from mjfish.data.dialect import Dialect
 from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, located
-from mjfish.files import check_suffix, whole
+from mjfish.files import size_limited
+from mjfish.files.writing import check_suffix, whole
+from mjfish.numerics.arrays import FloatArray, readonly
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -77,8 +77,8 @@ def _write_csv(file: Path, table: Mapping[str, FloatArray]) -> None:
     # repr is the shortest text that reads back as the same float.
     lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
     text = ("\n".join(lines) + "\n").encode("utf-8")
-    if len(text) > bounded.TABLE:
-        raise InputError(f"{len(text)} bytes of CSV, expected {bounded.TABLE} at most; write Parquet")
+    if len(text) > size_limited.TABLE:
+        raise InputError(f"{len(text)} bytes of CSV, expected {size_limited.TABLE} at most; write Parquet")
     file.write_bytes(text)
 
 

@@ -13,17 +13,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arguments import check
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data.filters import Filter
 from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors.arguments import check
+from mjfish.files.plain_data import unsaved
+from mjfish.files.result import reporting
 from mjfish.fish import Fish
-from mjfish.known import Beforehand
-from mjfish.result import reporting
-from mjfish.serialise import unsaved
+from mjfish.fish.parameter_priors import Beforehand
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -203,9 +203,9 @@ class Dataset:
             None: estimate it from the data.
         clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
         source: the dataset.toml it was read from.
-        known: what is known of numbers that are no part of the fish, by name or pattern (`mjfish.known.Beforehand`):
-            ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``, or a cause's, which makes it a part of the
-            nominal model.
+        known: what is known of numbers that are no part of the fish, by name or pattern (see
+            `mjfish.fish.parameter_priors.Beforehand`): ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``, or
+            a cause's, which makes it a part of the nominal model.
         filter: that the recorded velocities went through, and predictions do, too; None: none is known.
 
     Example:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import columns
 from mjfish.data.cells import check_increasing, row_name
 from mjfish.data.trial import Dataset, Tank
@@ -16,7 +15,8 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray
 
 #: Joints that move less than this do not beat [rad].
 _STILL = 1e-6

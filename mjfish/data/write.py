@@ -10,10 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mjfish import files, fish_toml, tomlfile
 from mjfish import fish as fishes
-from mjfish.arguments import checked
-from mjfish.arrays import FloatArray
 from mjfish.data import columns, dataset_toml, error_modes
 from mjfish.data.cells import check_finite
 from mjfish.data.dataset_toml import Bounds, DatasetTable
@@ -23,10 +20,13 @@ from mjfish.data.sensor import Sensor
 from mjfish.data.tables import write_table
 from mjfish.data.trial import Dataset, Trial
 from mjfish.errors import InputError, MjfishError, located
-from mjfish.fish import Fish, load_fish
-from mjfish.frames import CHANNELS
-from mjfish.parameter import Parameter
-from mjfish.serialise import plain
+from mjfish.errors.arguments import checked
+from mjfish.files import tomlfile, writing
+from mjfish.files.plain_data import plain
+from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 #: First line of every dataset.toml written here: a folder with it may be overwritten, one made by hand may not.
 MARK = "# Written by mjfish. SI units and radians; velocities are those of the nose: x forward, y to port, z up."
@@ -87,7 +87,7 @@ def check_folder(folder: str | Path) -> None:
         InputError: it holds something else than a dataset written by `save`, or cannot be written to.
     """
     folder = Path(folder).resolve()
-    files.check_folder(folder)
+    writing.check_folder(folder)
     _replaceable(folder)
 
 

@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.filters import restored_filter
 from mjfish.diagnosis import Diagnosis, DiagnosisData, FittedModel, load_diagnosis
@@ -23,6 +22,7 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.nominal import first_sigma, nominal_problem
 from mjfish.noise.autoregressive import estimate
+from mjfish.numerics.arrays import FloatArray
 from mjfish.progress import Progress
 
 _TOLERANCE = 1e-6

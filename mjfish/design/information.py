@@ -52,8 +52,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import FloatArray, solve
-from mjfish.block_angular import BlockAngular
 from mjfish.design.fitted_models import ModelEstimate
 from mjfish.design.menu import Run
 from mjfish.diagnosis.evidence import DETECTED
@@ -61,7 +59,9 @@ from mjfish.diagnosis.isolability import Isolability, isolated
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray, solve
+from mjfish.numerics.block_angular import BlockAngular
+from mjfish.parameters import Parameter
 
 #: A signature of which a refit leaves less than this share is structurally unidentifiable: what is left is rounding.
 _CONFOUNDED = 1e-5

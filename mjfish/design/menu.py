@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg as hopf
 from mjfish.drive import modes
 from mjfish.drive.cpg import DriveSegment
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.ode.rollout import STEP
 
 #: Frequencies [rad/s] of [Yu2016] and half of its slowest; a dataset's own widen the range.

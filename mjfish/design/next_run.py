@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish import fish_toml, tomlfile
 from mjfish.data import Dataset, columns, write_table
 from mjfish.data.dataset_toml import FILE
 from mjfish.design.menu import Run
 from mjfish.design.planning import Plan
 from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
-from mjfish.files import new_folder
-from mjfish.fish import Cpg, load_fish
-from mjfish.frames import CHANNELS
+from mjfish.files import tomlfile
+from mjfish.files.writing import new_folder
+from mjfish.fish import Cpg, fish_toml, load_fish
+from mjfish.fish.frames import CHANNELS
 from mjfish.ode.rollout import STEP
 
 #: Samples a second of the command.

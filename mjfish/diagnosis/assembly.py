@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
@@ -44,6 +43,7 @@ from mjfish.inspection import Inspection
 from mjfish.inspection.after_fit import contradicted
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
+from mjfish.numerics.arrays import FloatArray
 
 
 def assemble(

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis.failures import Parts
 from mjfish.effects import Effect
 from mjfish.effects.clock_wander import ClockWander
 from mjfish.estimation import Problem
+from mjfish.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

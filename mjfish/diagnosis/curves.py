@@ -16,7 +16,6 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.signal import lfilter
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import linearised
@@ -25,14 +24,15 @@ from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation import Fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.formats import number, unit
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, LoadTable, load_rows, loads_on
-from mjfish.hydro.outline import outlines
 from mjfish.model import Model
 from mjfish.model.model import Prepared, asked_motion, driven
+from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.ode.kinematics import link_velocities
 
 #: Shares of the information between which a variable counts as visited.

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.effects.effect import Effect, variant
 from mjfish.estimation import Fit, Problem
 from mjfish.hydro.load import Load, load
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged
+from mjfish.parameters import Parameter
 
 #: Functions of a link's velocity, surge u, sway v, yaw w; named as a reader would write them.
 _FUNCTIONS = ("1", "u", "|u| u", "v", "|v| v", "w", "u v")

@@ -32,8 +32,8 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing, execution
+from mjfish.execution.checkpoint import Kept
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
-from mjfish.kept import Kept
 from mjfish.progress import Meter, Progress, silent
 
 #: Said of a cause that is a part of the nominal model.

@@ -36,8 +36,6 @@ from typing import TypeVar
 import numpy as np
 from scipy import special, stats
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
-from mjfish.block_angular import Basis, BlockAngular, block_angular, explained, span
 from mjfish.diagnosis.failures import Failure, attempted, failed, note, noted
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Noise, Problem
@@ -46,9 +44,11 @@ from mjfish.estimation.omnibus import HATS, WAVES, by_channel, functions
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.time_limit import check_time, limited
 from mjfish.execution import execution
-from mjfish.frames import CHANNELS
-from mjfish.parameter import Parameter
-from mjfish.sized_cache import Remade, always
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
+from mjfish.numerics.block_angular import Basis, BlockAngular, block_angular, explained, span
+from mjfish.numerics.sized_cache import Remade, always
+from mjfish.parameters import Parameter
 
 
 def flipped_p(columns: FloatArray, residual: FloatArray) -> float:

@@ -17,7 +17,6 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish.block_angular import span
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
 from mjfish.diagnosis.held_out import HeldOut
@@ -27,6 +26,7 @@ from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit
+from mjfish.numerics.block_angular import span
 
 #: A formula is given up for the learned form below this p value.
 _BEATEN = 0.01

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray, checked
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import finite, tried
@@ -18,7 +17,8 @@ from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.thresholds import THRESHOLDS, Thresholds
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
 from mjfish.formats import fall, less, number, percent
-from mjfish.sized_cache import Remade
+from mjfish.numerics.arrays import FloatArray, checked
+from mjfish.numerics.sized_cache import Remade
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
 
-from mjfish.arrays import FloatArray, checked
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation import Fit, Noise, Problem
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection import Finding, Repeats
 from mjfish.noise import Autoregressive, GaussMarkov, ProcessNoise
+from mjfish.numerics.arrays import FloatArray, checked
 
 #: Share of a channel, both rms, up to which slow noise is believed; of cameras over a tank it is a few hundredths.
 _LARGEST = 0.06

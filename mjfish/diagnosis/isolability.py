@@ -31,15 +31,15 @@ from typing import get_args
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, blocks_of, solve
-from mjfish.block_angular import Basis, BlockAngular, span
 from mjfish.diagnosis.evidence import DETECTED, Evidence, signature_rows
 from mjfish.diagnosis.failures import tried
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.estimation import Fit, Problem
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray, blocks_of, solve
+from mjfish.numerics.block_angular import Basis, BlockAngular, span
+from mjfish.parameters import Parameter
 
 #: Share of a signature's energy below which what is left of it is rounding.
 _ROUNDING = 1e-6

@@ -13,18 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data.looking import for_looking
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.noise_of_fit import noise_sample, state_jacobians
-from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
-from mjfish.hydro.outline import outlines
+from mjfish.files.plain_data import fields_of
+from mjfish.fish import Fish, frames
+from mjfish.fish.frames import CHANNELS
+from mjfish.fish.outline import outlines
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.selection import by_step
-from mjfish.serialise import fields_of
+from mjfish.numerics.arrays import BoolArray, FloatArray, checked, readonly
 
 
 @dataclass(frozen=True, eq=False)

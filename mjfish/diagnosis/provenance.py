@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from mjfish import fish_toml
 from mjfish.data import Dataset
 from mjfish.effects import Effect
+from mjfish.fish import fish_toml
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 

@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import Evidence, p_value_of, signature_rows
 from mjfish.diagnosis.failures import NOMINAL, Failure, attempted, failed, note, sound
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
@@ -29,8 +28,9 @@ from mjfish.estimation.fit import fit_or_raise
 from mjfish.estimation.sensor_noise import having_noise_of
 from mjfish.estimation.smoothness import smoothed
 from mjfish.execution import mapped
-from mjfish.parameter import Parameter, bounds
-from mjfish.sized_cache import always
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.sized_cache import always
+from mjfish.parameters import Parameter, bounds
 
 #: Values of a shape that are tried: so many, or where its bounds are wide, a factor apart. A resonance is narrow.
 _VALUES, _FACTOR = 3, 1.45

@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
-from mjfish.block_angular import span
 from mjfish.diagnosis.evidence import Evidence
 from mjfish.diagnosis.failures import Failure, Parts, attempted, failed, joined, note, noted
 from mjfish.effects.effect import Effect
@@ -20,10 +19,11 @@ from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import End, fit_at, fit_or_raise
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.execution import completed, execution, in_order
-from mjfish.kept import Kept
-from mjfish.parameter import Parameter
-from mjfish.serialise import plain, restored
-from mjfish.sized_cache import always
+from mjfish.execution.checkpoint import Kept
+from mjfish.files.plain_data import plain, restored
+from mjfish.numerics.block_angular import span
+from mjfish.numerics.sized_cache import always
+from mjfish.parameters import Parameter
 
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5

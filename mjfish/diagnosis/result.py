@@ -9,8 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mjfish import hashed
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.diagnosis.description import Description
 from mjfish.diagnosis.forms import NamedMechanism
@@ -25,13 +23,15 @@ from mjfish.effects import Effect
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.omnibus import beat_phase
+from mjfish.files import checksummed_json
+from mjfish.files.plain_data import plain, unsaved
+from mjfish.files.result import Result
 from mjfish.formats import percent
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
 from mjfish.model.posterior import Posterior
-from mjfish.result import Result
-from mjfish.serialise import plain, unsaved
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.
@@ -330,4 +330,4 @@ class Diagnosis(DiagnosisData):
             "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},
             "problem": {**self.problem.to_dict(), **setup},
         }
-        return {**content, "sha256": hashed.digest(content)}
+        return {**content, "sha256": checksummed_json.digest(content)}

@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from mjfish import bounded, hashed
 from mjfish.diagnosis.result import SCHEMA, DiagnosisData
 from mjfish.diagnosis.table import Table
 from mjfish.errors import InputError
+from mjfish.files import checksummed_json, size_limited
+from mjfish.files.plain_data import restored
 from mjfish.inspection import Finding, Inspection
-from mjfish.serialise import restored
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -55,12 +55,14 @@ def load_diagnosis(path: str | Path) -> SavedDiagnosis:
         True
     """
     remedy = "write it by 'mjfish diagnose DATASET --json FILE'"
-    content = bounded.read_json(Path(path), remedy)
+    content = size_limited.read_json(Path(path), remedy)
     found = content.get("schema") if isinstance(content, dict) and "verdict" in content else None
     if found != SCHEMA:
         told = "is no diagnosis" if found is None else f"has the schema {found!r}"
         raise InputError(f"{path}: {told}, expected one of schema {SCHEMA}; {remedy} of this version")
-    if content.get("sha256") != hashed.digest({key: value for key, value in content.items() if key != "sha256"}):
+    if content.get("sha256") != checksummed_json.digest(
+        {key: value for key, value in content.items() if key != "sha256"}
+    ):
         raise InputError(f"{path}: its content does not fit its hash, expected it as it was written; {remedy}")
     try:
         return _restored(content)

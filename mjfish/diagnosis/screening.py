@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data.filters import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
@@ -36,7 +35,8 @@ from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.execution import execution
 from mjfish.noise import DifferentiationNoise, GaussMarkov
-from mjfish.sized_cache import Remade
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.sized_cache import Remade
 
 #: Residuals that another noise changes by a smaller share than this are weighed alike.
 _SAME = 0.1

@@ -35,8 +35,6 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.block_angular import block_angular
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import ByRun, Evidence, flipped_p, gather, tail, unscored, with_scores
 from mjfish.diagnosis.failures import NOMINAL, finite, tried
@@ -48,6 +46,8 @@ from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects.effect import Effect
 from mjfish.estimation.fit import End, fit_at
 from mjfish.estimation.residual import own_parameters
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import block_angular
 
 
 def of_all_runs(model: Refit | Evidence, held_out: tuple[Trial, ...]) -> Evidence:

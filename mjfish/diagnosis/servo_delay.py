@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Estimate, linearised
@@ -15,6 +14,7 @@ from mjfish.effects import Effect
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.formats import number
 from mjfish.model.model import asked_motion, driven
+from mjfish.numerics.arrays import FloatArray
 
 #: A phase that is this far ahead [rad], as that of next to no delay may be by rounding, is not almost a beat behind.
 _AHEAD = 0.5

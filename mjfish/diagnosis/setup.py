@@ -10,10 +10,10 @@ from mjfish.data import Dataset
 from mjfish.diagnosis.failures import tried
 from mjfish.effects import Effect
 from mjfish.estimation import Problem
+from mjfish.files.plain_data import plain
 from mjfish.model import Model
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
-from mjfish.serialise import plain
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 
 @dataclass(frozen=True)

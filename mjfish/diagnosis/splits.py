@@ -20,9 +20,9 @@ from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.result import Diagnosis, Verdict
 from mjfish.errors import InputError, UnwritableError
+from mjfish.files.plain_data import plain
+from mjfish.files.result import Result
 from mjfish.progress import Progress, part, silent
-from mjfish.result import Result
-from mjfish.serialise import plain
 
 #: Of ``splits.json``.
 SCHEMA = 1

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import p_value_of
 from mjfish.diagnosis.held_out import Confirmation
 from mjfish.diagnosis.refit_result import Refit
@@ -22,10 +21,11 @@ from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import without_form
 from mjfish.estimation import Fit
 from mjfish.estimation.fit import Z95
+from mjfish.files.plain_data import fields_of, plain, restored
 from mjfish.formats import fixed, number, unit
 from mjfish.model import Model
-from mjfish.parameter import Parameter
-from mjfish.serialise import fields_of, plain, restored
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 @dataclass(frozen=True)

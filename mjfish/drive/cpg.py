@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, merged
 from mjfish.drive.motion import JointMotion, cached, grid
 from mjfish.errors import InputError
 from mjfish.fish import Cpg
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled, merged
 
 #: Start of every oscillator; psi starts at its bias.
 ZETA_START = 0.1

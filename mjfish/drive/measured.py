@@ -24,8 +24,8 @@ from scipy import linalg, optimize, sparse
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import maximum_filter1d
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, grid
+from mjfish.numerics.arrays import FloatArray
 
 _DEGREE = 5
 #: Log10 of the penalty, relative to its natural scale, between interpolation and the strongest smoothing searched.

@@ -15,9 +15,9 @@ from typing import ParamSpec
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.compiled import compiled
-from mjfish.sized_cache import sized_cache
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.compiled import compiled
+from mjfish.numerics.sized_cache import sized_cache
 
 P = ParamSpec("P")
 

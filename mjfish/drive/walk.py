@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, cached
+from mjfish.numerics.arrays import FloatArray
 
 #: Modes for every second of a run, at least and at most: a drive has no walk faster than one wave a second.
 _RATE, _FEWEST, _MOST = 2.0, 8, 60

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, cached, grid
 from mjfish.errors import InputError
+from mjfish.numerics.arrays import FloatArray
 
 #: A ramp that is shorter is none [s].
 _SUDDEN = 1e-6

@@ -10,7 +10,7 @@ from mjfish.effects.beat_amplitude import keulegan_carpenter
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.momentum_rate import added_mass_excess
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load(memory=8)

@@ -11,8 +11,8 @@ from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.momentum_rate import added_mass_excess
 from mjfish.hydro.load import load
 from mjfish.hydro.spline import spline
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior, smooth_curve
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior, smooth_curve
 
 #: KC of the first knot, number of knots, an octave apart.
 _FIRST, _KNOTS = 0.5, 6

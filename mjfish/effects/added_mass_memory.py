@@ -6,7 +6,7 @@ from typing import Any
 
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load(memory=2)

@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.calibration import DRIFT
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.effects.place import begun_at, heading_known
-from mjfish.parameter import Parameter
+from mjfish.fish import frames
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class AmbientCurrent(Effect):

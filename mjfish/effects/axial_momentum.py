@@ -7,7 +7,7 @@ from typing import Any
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load

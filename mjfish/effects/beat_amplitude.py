@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.compiled import merged
+from mjfish.numerics.compiled import merged
 
 #: KC of what has not moved yet: a power below zero has no value at zero, and a run begins at rest.
 KC_FLOOR = 0.3

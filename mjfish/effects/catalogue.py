@@ -14,8 +14,8 @@ import cloudpickle
 
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError, located
+from mjfish.files.user_code import user_code
 from mjfish.fish import Fish
-from mjfish.user_code import user_code
 
 #: Causes by name, or Python files with causes of a user's own, beside the shipped ones; None: the shipped ones alone.
 Causes = Mapping[str, Effect] | str | Path | Sequence[str | Path] | None

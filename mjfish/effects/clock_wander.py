@@ -8,7 +8,7 @@ from mjfish.data import Dataset
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.walk import count, walked
 from mjfish.effects.effect import Effect, Values
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class ClockWander(Effect):

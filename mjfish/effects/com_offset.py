@@ -5,7 +5,7 @@ from __future__ import annotations
 from mjfish.data import Dataset
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 #: Bounds and scale of the shift, as shares of the length of the head; and the share of the way to its ends at most.
 _REACH, _SCALE, _WITHIN = 0.275, 0.017, 0.95

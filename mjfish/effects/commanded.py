@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, merged
 from mjfish.drive.motion import JointMotion
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled, merged
 
 #: Rate at which a joint behind its command closes in on it, below the limit [1/s]: position loops of servos.
 CATCH_UP = 100.0

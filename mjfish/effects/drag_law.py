@@ -7,19 +7,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged
 from mjfish.data import Trial
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.effects.exponential_drag import VISCOSITY
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.load import PARAMETERS, load
-from mjfish.hydro.outline import outlines
 from mjfish.hydro.spline import spline, spline_slope, spline_weights
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior, about, smooth_curve
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior, about, smooth_curve
 
 #: Octaves below the reference speed at which the knots begin, and their number: of c_d, of c_f.
 _BELOW_D, _KNOTS_D = 3, 7

@@ -8,9 +8,9 @@ import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.fish.outline import INTERVALS
 from mjfish.hydro.load import load
-from mjfish.hydro.outline import INTERVALS
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load

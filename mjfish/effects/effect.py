@@ -10,17 +10,17 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.calibration import SPRING_BALANCE, Calibration
 from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
+from mjfish.fish.parameter_priors import Beforehand
 from mjfish.hydro.load import PARAMETERS, Load
-from mjfish.known import Beforehand
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 #: Values of an effect's parameters by their short names, e.g. ``{"offset": 0.02}``.
 Values = Mapping[str, float]

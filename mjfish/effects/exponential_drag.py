@@ -9,7 +9,7 @@ import numpy as np
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 #: Kinematic viscosity of water at 20 C [m2/s].
 VISCOSITY = 1.0e-6

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.fish import frames
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class FrameMisalignment(Effect):

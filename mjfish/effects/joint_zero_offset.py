@@ -7,7 +7,7 @@ import numpy as np
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 def _zeros(joints: int) -> tuple[Parameter, ...]:

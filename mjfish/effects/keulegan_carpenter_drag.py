@@ -11,7 +11,7 @@ from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.hydro.force import KC_0
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load(memory=4)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class LensDistortion(Effect):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.known import Beforehand
-from mjfish.parameter import Parameter
+from mjfish.fish import frames
+from mjfish.fish.parameter_priors import Beforehand
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 #: How well the place of a tracked point is known that nobody measured: share of the length of the head, sideways [m].
 _SOMEWHERE, _ASIDE = 0.5, 0.01

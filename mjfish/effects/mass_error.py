@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class MassError(Effect):

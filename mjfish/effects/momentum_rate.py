@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from mjfish.compiled import merged
 from mjfish.effects.beat_amplitude import TAU
+from mjfish.numerics.compiled import merged
 
 #: Of the lags [s]. An added mass of e times what a link has already, acting through them, is stable for -8/9 < e, and
 #: under Runge-Kutta steps of 5 ms for e <= 1.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class MunkMoment(Effect):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
+from mjfish.numerics.arrays import FloatArray
 
 
 def unplaced(dataset: Dataset) -> str:

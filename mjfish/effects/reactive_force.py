@@ -8,10 +8,10 @@ import numpy as np
 
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
+from mjfish.fish.outline import INTERVALS
 from mjfish.hydro.load import load
-from mjfish.hydro.outline import INTERVALS
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 
 @load

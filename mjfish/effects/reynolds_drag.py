@@ -9,7 +9,7 @@ import numpy as np
 from mjfish.effects.calibration import TOW_TEST
 from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 #: Speed at which `friction` and `pressure` are the relative increase of the coefficients [m/s].
 REFERENCE_SPEED = 0.3

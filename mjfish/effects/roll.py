@@ -7,12 +7,12 @@ import functools
 import numpy as np
 from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.data import Trial
 from mjfish.drive.measured import smoothing_spline
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
+from mjfish.parameters import Parameter
 
 #: Acceleration of gravity [m/s2].
 GRAVITY = 9.81

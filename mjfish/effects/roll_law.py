@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Values
 from mjfish.effects.roll import Roll
 from mjfish.effects.roll_loss import RollLoss
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior, about
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior, about
 
 
 class RollLaw(RollLoss):

@@ -12,7 +12,7 @@ from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @load(memory=2, shared=True)

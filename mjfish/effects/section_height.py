@@ -5,7 +5,7 @@ from __future__ import annotations
 from mjfish.effects.calibration import CALIPERS
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class SectionHeight(Effect):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, merged
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled, merged
+from mjfish.parameters import Parameter
 
 #: Parts of each half step of the drive, in which the play is straight.
 _PARTS = 2

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.hydro.spline import spline, spline_slope
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior, smooth_curve
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior, smooth_curve
 
 #: Angle between knots [rad], and their number: the last one is at 60 degrees.
 _SPACING, _KNOTS = np.pi / 18.0, 7

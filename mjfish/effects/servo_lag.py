@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import cubic
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
+from mjfish.parameters import Parameter
 
 #: A shorter lag is none: the steps behind a step of the drive could not follow its kick [s].
 SHORTEST = 5e-5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import limited
 from mjfish.effects.effect import Fingerprint, ServoForm, Values
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class ServoLimitedLag(ServoForm):

@@ -6,7 +6,7 @@ import numpy as np
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class ServoSaturation(Effect):

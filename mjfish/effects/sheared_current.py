@@ -6,8 +6,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged
 from mjfish.data import Dataset, Trial
 from mjfish.effects.ambient_current import AmbientCurrent
 from mjfish.effects.effect import Effect, Fingerprint, Values, variant
@@ -15,7 +13,9 @@ from mjfish.effects.place import begun_at, unplaced
 from mjfish.fish import Fish
 from mjfish.hydro.force import crossflow, crossflow_derivatives
 from mjfish.hydro.load import PARAMETERS, PLACES, load
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged
+from mjfish.parameters import Parameter
 
 #: Columns of the derivatives that are not zero: by c_x, c_y, g_x, g_y, then by u, v, w, x, y, heading and the clock.
 _COLUMNS = (0, 1, 3, 4, *range(PARAMETERS, PARAMETERS + 6), PARAMETERS + PLACES)

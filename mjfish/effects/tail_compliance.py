@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class TailCompliance(TailForm):

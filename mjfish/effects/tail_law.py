@@ -6,8 +6,8 @@ import numpy as np
 
 from mjfish.effects.effect import Fingerprint, TailForm, Values
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 
 class TailLaw(TailForm):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.effects.calibration import SYNC_FLASH
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class TimeOffset(Effect):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class VelocityScale(Effect):

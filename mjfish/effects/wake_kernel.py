@@ -9,8 +9,8 @@ import numpy as np
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 
 @load(memory=8)

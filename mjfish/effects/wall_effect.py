@@ -11,7 +11,7 @@ from mjfish.effects.effect import Effect, Fingerprint
 from mjfish.effects.place import unplaced
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.load import load
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 #: Lengths of decay within which a wall matters at all: beyond, less than a twentieth of it is left.
 _NEAR = 3.0

@@ -35,14 +35,14 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Trial
 from mjfish.data.trial import seen_of
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Residual
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.noise import Autoregressive, Noise, estimate
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 Part = Literal["whole", "start_up", "change", "steady"]
 #: Samples ahead that are scored by default: the next one, a part of a beat, and more than one (at 50 Hz).

@@ -16,9 +16,9 @@ from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.looking import for_looking
 from mjfish.drive.walk import count
 from mjfish.errors import InputError
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import Model
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 FREQUENCY, PHASE, SCALE, WALK = "wave.frequency", "wave.phase", "wave.scale", "walk"
 #: Largest size of a mode of a walk, in units of that of the walk.

@@ -30,14 +30,14 @@ from scipy import optimize, special
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.block_angular import BlockAngular
 from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.problem import LOST, Problem
 from mjfish.estimation.settings import Loss
 from mjfish.execution import mapped
-from mjfish.parameter import Parameter, bounds
-from mjfish.sized_cache import Remade, always
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.block_angular import BlockAngular
+from mjfish.numerics.sized_cache import Remade, always
+from mjfish.parameters import Parameter, bounds
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
 _IDLE = 1e-12

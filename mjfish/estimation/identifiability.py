@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation.fit import Fit
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 #: Estimates that are correlated beyond this are named as a pair.
 CORRELATED = 0.95

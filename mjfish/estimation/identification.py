@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import NUMERIC, MjfishError, reason_of
 from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
@@ -28,12 +27,13 @@ from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
 from mjfish.estimation.stability import Stability, stability
 from mjfish.execution import executing
+from mjfish.files.plain_data import plain, unsaved
+from mjfish.files.result import Result
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model.posterior import Posterior
 from mjfish.noise.autoregressive import floor
-from mjfish.result import Result
-from mjfish.serialise import plain, unsaved
+from mjfish.numerics.arrays import FloatArray, robust_sigma
 
 #: Of the JSON of an identification.
 SCHEMA = 3
@@ -395,7 +395,7 @@ def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
 
 
 def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:
-    """Return the fish with what was found; `mjfish.fish_toml` and `mjfish.mujoco.export` write it.
+    """Return the fish with what was found; `mjfish.fish.fish_toml` and `mjfish.mujoco.export` write it.
 
     What was known of its numbers beforehand stays what is known.
 

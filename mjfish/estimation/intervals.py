@@ -40,8 +40,6 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.block_angular import BlockAngular, span
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.fit import Fit, covariance, fit
 from mjfish.estimation.problem import Problem
@@ -49,7 +47,9 @@ from mjfish.estimation.serial_correlation import Block, Serial, middle, satterth
 from mjfish.execution import mapped
 from mjfish.fish import Fish
 from mjfish.model.posterior import Posterior
-from mjfish.parameter import bounds
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.block_angular import BlockAngular, span
+from mjfish.parameters import bounds
 
 
 @dataclass(frozen=True, eq=False)

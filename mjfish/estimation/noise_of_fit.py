@@ -22,8 +22,6 @@ import numpy as np
 from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
-from mjfish.block_angular import BlockAngular, span
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
@@ -32,8 +30,9 @@ from mjfish.estimation.clock_wander import first_size
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.omnibus import by_channel, functions
 from mjfish.estimation.problem import Problem
+from mjfish.files.plain_data import restored
 from mjfish.fish import Cpg
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.noise import (
     Autoregressive,
     DifferentiationNoise,
@@ -48,8 +47,9 @@ from mjfish.noise import (
 from mjfish.noise.autoregressive import grid
 from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess, forced
+from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
+from mjfish.numerics.block_angular import BlockAngular, span
 from mjfish.ode.jacobians import jacobians, linear_response
-from mjfish.serialise import restored
 
 #: Cosines that stand for white errors of a joint, for every degree of freedom of its spline: faster ones do not pass.
 _WAVES = 2.0

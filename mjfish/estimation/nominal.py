@@ -8,18 +8,18 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.data.sensor import first_sensor_sigma
 from mjfish.effects import catalogue
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
-from mjfish.known import Beforehand
+from mjfish.fish.parameter_priors import Beforehand
 from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import FLOOR, floor
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 def nominal_problem(

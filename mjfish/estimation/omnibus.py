@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.fish import Cpg
 from mjfish.model import asked_motion
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import STEP
 
 HATS = 4

@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import first_sigma, nominal_problem, white
 from mjfish.execution import executing
 from mjfish.noise import Noise
-from mjfish.parameter import bounds
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.parameters import bounds
 
 Function = Callable[[FloatArray], FloatArray]
 

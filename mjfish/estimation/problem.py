@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of
-from mjfish.block_angular import BlockAngular, IntArray, Part
 from mjfish.data import Sensor, Trial, columns
 from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
@@ -18,13 +16,15 @@ from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
 from mjfish.estimation.time_limit import check_time
 from mjfish.execution import mapped
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.files.plain_data import plain
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
 from mjfish.model.sensitivity import one_sided, with_sensors
 from mjfish.noise import Noise
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
-from mjfish.serialise import plain
+from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.numerics.block_angular import BlockAngular, IntArray, Part
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 if TYPE_CHECKING:
     from mjfish.estimation.sensor_noise import Whitening

@@ -13,12 +13,12 @@ from functools import partial
 import numpy as np
 from scipy import linalg
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Role, Sensor, Trial
 from mjfish.estimation.fit import Fit, fit_or_raise
 from mjfish.estimation.problem import Problem, nuisances
 from mjfish.execution import mapped
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 #: Share of a held-out trial, as far as its samples count, on which its nuisance parameters are fitted, if it has any.
 PREFIX = 0.25

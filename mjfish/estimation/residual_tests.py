@@ -40,16 +40,16 @@ from typing import Literal
 import numpy as np
 from scipy import linalg, signal, stats
 
-from mjfish.arrays import FloatArray
-from mjfish.block_angular import Basis, IntArray, span, tall_svd
 from mjfish.data import Trial
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Block, serial_blocks
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import asked_motion
 from mjfish.noise import Autoregressive
 from mjfish.noise.autoregressive import by_order, highest_order, lagged_products, products_and_pairs
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import Basis, IntArray, span, tall_svd
 from mjfish.ode.rollout import STEP
 
 #: Lags that are tested by default, and what a band leaves out.

@@ -34,9 +34,6 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of
-from mjfish.block_angular import IntArray
-from mjfish.compiled import compiled, part
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import smallest_sigma, third_differences
 from mjfish.drive.measured import Smoothed
@@ -44,6 +41,9 @@ from mjfish.estimation.problem import Problem
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments
 from mjfish.noise.kalman import Gains, Sparse, advance, filtered_states, variances, whitened
+from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of
+from mjfish.numerics.block_angular import IntArray
+from mjfish.numerics.compiled import compiled, part
 from mjfish.ode.jacobians import jacobians
 from mjfish.ode.rollout import Rollout
 

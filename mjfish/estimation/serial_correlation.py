@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft
 
-from mjfish.arrays import BoolArray, FloatArray, RecordArray
-from mjfish.block_angular import Basis, IntArray
 from mjfish.data.trial import rows_of
 from mjfish.estimation.problem import Problem
+from mjfish.numerics.arrays import BoolArray, FloatArray, RecordArray
+from mjfish.numerics.block_angular import Basis, IntArray
 
 #: Correlations below this many of sqrt(log10(n) / n) at `_RUN` lags in a row are none ([Politis2003]).
 _CRITICAL = 2.0

@@ -10,9 +10,9 @@ from typing import Literal, TypeVar, get_args
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 Weights = Literal["noise", "paper"]

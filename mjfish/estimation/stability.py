@@ -42,10 +42,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize, stats
 
-from mjfish.arrays import FloatArray, checked, orthonormal, project_out
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Serial, blocks_of, satterthwaite, serial_apart
+from mjfish.numerics.arrays import FloatArray, checked, orthonormal, project_out
 
 #: Share of the mean variance of a residual that every one has at least, so that recordings without noise have some.
 _LEAST = 1e-9

@@ -14,7 +14,7 @@ from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
 from mjfish.estimation.fit import Fit
 from mjfish.estimation.intervals import Intervals
-from mjfish.files import check_suffix, whole
+from mjfish.files.writing import check_suffix, whole
 
 
 def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[str, Any]]:

@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from scipy.special import elliprd
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import inlined
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import inlined
 
 Vector = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged, part
-from mjfish.hydro.outline import INTERVALS
+from mjfish.fish.outline import INTERVALS
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged, part
 
 Six = tuple[float, float, float, float, float, float]
 #: Keulegan-Carpenter number at which c_d is the one given: of the beating tail of a fish it is about that.
@@ -69,7 +69,7 @@ def crossflow(v: float, w: float, length: float, node: FloatArray, table: FloatA
         v: velocity of the strip at r = 0 [m/s].
         w: its slope along the link [1/s].
         length: of the link [m].
-        node: (INTERVALS + 1,) h at the nodes [m], see `mjfish.hydro.outline.LinkOutline.node_height`.
+        node: (INTERVALS + 1,) h at the nodes [m], see `mjfish.fish.outline.LinkOutline.node_height`.
         table: (INTERVALS + 1, 4) H_0 .. H_3 up to the nodes.
     """
     vv = v * v

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.hydro.load import ANSWER, Load, LoadBuffers, LoadTable, load_rows, loads_on, memory_of
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
 
 
 def forced_motion(

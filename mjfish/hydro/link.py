@@ -11,17 +11,17 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
 from mjfish.fish import KINDS, Fish
-from mjfish.hydro.outline import COARSE, INTERVALS, STRIPS, outlines
+from mjfish.fish.outline import COARSE, INTERVALS, STRIPS, outlines
+from mjfish.numerics.arrays import FloatArray, RecordArray
 
 #: Most hidden states a load may have on each link.
 MEMORY = 8
 #: One link; every field is a float64, so that a record is also a plain row of numbers.
 #: mass, com, inertia, length: of the body; last: 1 of the last link, else 0.
 #: density, c_m, c_d, c_f, munk: of the water on it.
-#: added, wetted, height_moment, node_height, strip_*, coarse_*: integrals, see `mjfish.hydro.outline.LinkOutline`.
+#: added, wetted, height_moment, node_height, strip_*, coarse_*: integrals, see `mjfish.fish.outline.LinkOutline`.
 #: u, v, w: velocity of the link's origin relative to the water in the link's frame (x towards the tail).
 #: x, y, heading: place of the link's origin in the world and its heading, of the forward frame; for loads only.
 #: bend: heading of the link relative to the head; first: 1 of the first link, else 0; for loads only.
@@ -69,7 +69,7 @@ LINK = np.dtype(
 #: center (3,): centre of buoyancy in the body's frame [m]; volume: displaced [m3].
 #: length ... roll_damping: of the water on the link, see `mjfish.mujoco.strip_link.StripLink`.
 #: blunt: 1 where the link is no strips but `mjfish.hydro.blunt_force`, of which are matrix, area and turning.
-#: the rest: integrals, see `mjfish.hydro.outline.LinkOutline`.
+#: the rest: integrals, see `mjfish.fish.outline.LinkOutline`.
 SPATIAL = np.dtype(
     [
         ("body", "f8"),

@@ -23,10 +23,10 @@ from numba import carray, from_dtype, literal_unroll, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import c_callback, is_ours, merged, part
 from mjfish.errors import ParameterError
 from mjfish.hydro.link import LINK, MEMORY, MOVING, column
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.compiled import c_callback, is_ours, merged, part
 
 #: Most parameters a load may have.
 PARAMETERS = 18

@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import part
 from mjfish.hydro.load import (
     AT_FIRST,
     AT_GRADIENT,
@@ -28,6 +26,8 @@ from mjfish.hydro.load import (
     gradient_on,
     loads_on,
 )
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import part
 
 #: Step by parameters and constants, relative to their size.
 RELATIVE_STEP = 1e-5

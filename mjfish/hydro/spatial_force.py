@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from mjfish.compiled import inlined
+from mjfish.fish.outline import STRIPS
 from mjfish.hydro.force import crossflow
-from mjfish.hydro.outline import STRIPS
+from mjfish.numerics.compiled import inlined
 
 Vector = tuple[float, float, float]
 Wrench = tuple[float, float, float, float, float, float]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mjfish.compiled import merged
+from mjfish.numerics.compiled import merged
 
 
 @merged

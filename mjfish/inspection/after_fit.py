@@ -22,15 +22,15 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray, robust_sigma
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.inspection.finding import Finding, Inspection, resumed
 from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
 from mjfish.noise import DifferentiationNoise, Noise
+from mjfish.numerics.arrays import FloatArray, robust_sigma
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
 SHIFTS = np.arange(-6, 13)

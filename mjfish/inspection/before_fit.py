@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.looking import for_looking
 from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
-from mjfish.frames import CHANNELS
+from mjfish.files.result import Result
+from mjfish.fish.frames import CHANNELS
 from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
 from mjfish.inspection.kinematics import compatibility, disagreements
@@ -27,7 +27,7 @@ from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
 from mjfish.inspection.runs import missing_runs
 from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck, unresolved
 from mjfish.model import Model
-from mjfish.result import Result
+from mjfish.numerics.arrays import FloatArray
 
 
 def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:

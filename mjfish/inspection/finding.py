@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect
-from mjfish.result import Result
-from mjfish.serialise import fields_of, unsaved
+from mjfish.files.plain_data import fields_of, unsaved
+from mjfish.files.result import Result
+from mjfish.numerics.arrays import FloatArray, readonly
 
 if TYPE_CHECKING:
     from mjfish.inspection.kinematics import Compatibility

@@ -29,13 +29,13 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.data.validation import GAP
-from mjfish.frames import UNITS
+from mjfish.fish import frames
+from mjfish.fish.frames import UNITS
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.runs import beats
+from mjfish.numerics.arrays import FloatArray
 
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.
 _HALF_WIDTH = 0.1

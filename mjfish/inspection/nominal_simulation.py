@@ -24,14 +24,14 @@ from functools import partial
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding, redriven, reread
 from mjfish.inspection.runs import beats
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Clock shifts that are tried [s]: a late servo or clock must not look like a wrong sign, nor half a beat like none.
 _CLOCK_SHIFTS = np.arange(-6, 7) * 0.01

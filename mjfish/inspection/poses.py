@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, stats
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.data.trial import rows_of
 from mjfish.fish import Fish
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.runs import beats
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 
 _SEEN = ("position", "heading")
 #: Beats of a run that are looked at, fewest of them, and samples and share of them that a beat must have.

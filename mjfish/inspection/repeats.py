@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.trial import seen_of
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
 from mjfish.noise import Autoregressive, estimate
 from mjfish.noise.autoregressive import products_and_pairs
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: Repeats shorter than this many samples together say little of a noise.
 _FEWEST = 100

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, validation
 from mjfish.effects import Effect
 from mjfish.inspection.finding import Finding
+from mjfish.numerics.arrays import FloatArray
 
 #: Frequencies closer than this share are the same.
 _SAME = 0.05

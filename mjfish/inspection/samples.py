@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 from scipy.spatial import cKDTree
 
-from mjfish.arrays import BoolArray, FloatArray, robust_sigma
 from mjfish.data import Trial, columns
 from mjfish.data.validation import GAP
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
 from mjfish.inspection.runs import beats
+from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
 
 #: Neighbours to either side, the degree of the polynomial and one, halved.
 _JOINT_REACH = 3

@@ -10,15 +10,15 @@ from typing import Annotated
 from pydantic import Field
 
 from mjfish import fish as fishes
-from mjfish import fish_toml, tomlfile
 from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import UnknownNameError, located
-from mjfish.fish import Fish
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
+from mjfish.fish import Fish, fish_toml
 from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
-from mjfish.tomlfile import Table
 
 #: What to do about an effect that is not shipped.
 OWN = "a cause of your own needs its file: --effects FILE"

@@ -10,8 +10,6 @@ from typing import Literal
 import numpy as np
 
 from mjfish import ode
-from mjfish.arguments import check
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import cpg as hopf
 from mjfish.drive import measured, wave
@@ -19,14 +17,16 @@ from mjfish.drive.motion import JointMotion, cached
 from mjfish.drive.walk import walked
 from mjfish.effects.effect import Effect, Values
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors.arguments import check
 from mjfish.fish import Cpg, Fish, Link
+from mjfish.fish.outline import outlines
 from mjfish.hydro.link import Same
 from mjfish.hydro.load import Load
-from mjfish.hydro.outline import outlines
 from mjfish.model.sensing import Camera, distinct
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.sized_cache import sized_cache
 from mjfish.ode.rollout import STEP, Coriolis, Rollout
-from mjfish.parameter import Parameter
-from mjfish.sized_cache import sized_cache
+from mjfish.parameters import Parameter
 
 #: At both ends of measured joint angles, where a shifted clock would ask for motion that nobody saw [s].
 MARGIN = 0.1

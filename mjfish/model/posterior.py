@@ -26,19 +26,19 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from mjfish import bounded, files, tomlfile
-from mjfish.arrays import FloatArray
 from mjfish.data.cells import LARGEST
 from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import size_limited, tomlfile, writing
+from mjfish.files.plain_data import plain
+from mjfish.files.tomlfile import Table
 from mjfish.fish import Fish
 from mjfish.model import extended
 from mjfish.model.extended import Extended
 from mjfish.model.model import Model
-from mjfish.parameter import bounds
-from mjfish.serialise import plain
-from mjfish.tomlfile import Table
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import bounds
 
 #: Moves of every draw: of nine parameters of which seven rest on bounds, 200 forget where it began.
 _MOVES = 1000
@@ -233,7 +233,7 @@ def sample(
 def _read(path: Path, effects: Mapping[str, Effect]) -> Posterior:
     """Read the posterior in the JSON of a diagnosis or an identification."""
     path = path / _FILE if path.is_dir() else path
-    raw = bounded.read_json(path, _REMEDY)
+    raw = size_limited.read_json(path, _REMEDY)
     saved = raw.get("posterior") if isinstance(raw, dict) else None
     if saved is None:
         raise InputError(f"{path}: has no posterior, as of a fit that diverged or another version; {_REMEDY}")
@@ -257,7 +257,7 @@ def write_draws(folder: str | Path, draws: Sequence[Extended], comments: Sequenc
     folder = Path(folder)
     digits = max(3, len(str(len(draws))))
     names = [f"draw_{k:0{digits}d}.toml" for k in range(1, len(draws) + 1)]
-    with files.new_folder(folder) as partial:
+    with writing.new_folder(folder) as partial:
         for name, draw in zip(names, draws, strict=True):
             extended.write(partial / name, draw.model, draw.values, comments)
     return tuple(folder / name for name in names)

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.effect import Effect, Values
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.equation import STATES
 from mjfish.ode.rollout import Rollout
 

@@ -13,24 +13,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Sensor, Trial
 from mjfish.data.columns import POSE
 from mjfish.drive.motion import JointMotion
 from mjfish.drive.walk import along_mode, walked
 from mjfish.effects.effect import Effect
 from mjfish.fish import Cpg, Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
 from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
 from mjfish.model.model import beginning, driven, joint_motion, servos_of
 from mjfish.model.sensing import Camera, Moments, distinct
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.numerics.sized_cache import sized_cache
 from mjfish.ode.equation import STATES, TAIL, tail_of
 from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
-from mjfish.parameter import Parameter
-from mjfish.sized_cache import sized_cache
+from mjfish.parameters import Parameter
 
 #: Effects with their values by short name.
 Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]

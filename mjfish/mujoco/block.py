@@ -24,17 +24,17 @@ import mujoco
 import numpy as np
 from numba import carray
 
-from mjfish.arrays import FloatArray, RecordArray
-from mjfish.compiled import compiled
 from mjfish.errors import InputError, MjfishError
+from mjfish.fish.outline import outline
 from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
-from mjfish.hydro.outline import outline
 from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.layout import counts, floats, plane_links, spatial_links
 from mjfish.mujoco.links import Link
 from mjfish.mujoco.memory import room_in
 from mjfish.mujoco.strip_link import StripLink
+from mjfish.numerics.arrays import FloatArray, RecordArray
+from mjfish.numerics.compiled import compiled
 
 #: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number
 #: of bodies, dofs, actuators and activations of the model, by which a tag on another model is seen; number of loads;

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
 from mjfish.fish import NotNegative
 from mjfish.hydro.blunt_force import ellipsoid_added_mass, ellipsoid_turning
 from mjfish.mujoco.strip_link import COEFFICIENTS, LARGEST, Point, Size, check_bounds, point, without_arrays
-from mjfish.tomlfile import Table
+from mjfish.numerics.arrays import FloatArray
 
 _SYMMETRIC = 1e-9  # of the largest entry
 #: Keys of which a table must have one to be a `BluntLink`.

@@ -14,12 +14,12 @@ import mujoco
 import numpy as np
 from numba import carray, types
 
-from mjfish.compiled import c_callback, compiled
 from mjfish.mujoco import block, written_forces
 from mjfish.mujoco.block import view
 from mjfish.mujoco.coupling import couple
 from mjfish.mujoco.layout import DATA_POINTER, MODEL_POINTER, counts, floats, verify
 from mjfish.mujoco.written_forces import copy_written, note_of
+from mjfish.numerics.compiled import c_callback, compiled
 
 _MAGIC = block.MAGIC
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)  # the last of the explicit ones

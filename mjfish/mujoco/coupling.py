@@ -20,8 +20,6 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, inlined
 from mjfish.mujoco.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
 from mjfish.mujoco.link_force import (
     FRAME,
@@ -37,6 +35,8 @@ from mjfish.mujoco.link_force import (
     take_inertial,
     to_world,
 )
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled, inlined
 
 _NO_RATE = np.zeros(0)
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mjfish import tomlfile
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import tomlfile
 from mjfish.fish import Section
 from mjfish.mujoco.blunt_link import KEYS
 from mjfish.mujoco.links import Water

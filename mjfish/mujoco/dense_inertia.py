@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.numerics.arrays import FloatArray, RecordArray
 
 
 def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:

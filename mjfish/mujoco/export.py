@@ -17,13 +17,13 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from mjfish import files
-from mjfish.arrays import FloatArray
+from mjfish.files import writing
 from mjfish.fish import Fish
 from mjfish.mujoco import mjcf
 from mjfish.mujoco.custom_numerics import PROFILES, ROW, numerics_of
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.mjcf import Integrator, Trim
+from mjfish.numerics.arrays import FloatArray
 
 _END = "</mujoco>"
 _HOW = (
@@ -52,8 +52,8 @@ def write(
         InputError: another suffix than ``.xml``, the file cannot be written, or MuJoCo cannot have such a fish.
     """
     path = Path(path)
-    files.check_suffix(path, ".xml")
-    files.write_text(path, text(fish, free=free, step=step, integrator=integrator, comments=comments))
+    writing.check_suffix(path, ".xml")
+    writing.write_text(path, text(fish, free=free, step=step, integrator=integrator, comments=comments))
 
 
 def text(

@@ -15,10 +15,8 @@ import numpy as np
 from numba import carray
 from numpy.typing import ArrayLike
 
-from mjfish.arguments import check as check_type
-from mjfish.arrays import FloatArray, readonly
-from mjfish.compiled import compiled
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors.arguments import check as check_type
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics
 from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, replace_coefficients, view
@@ -40,6 +38,8 @@ from mjfish.mujoco.link_force import (
 from mjfish.mujoco.links import Link, link_of, read, with_coefficients
 from mjfish.mujoco.memory import room_in
 from mjfish.mujoco.strip_link import DENSEST, StripLink
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.numerics.compiled import compiled
 
 #: Parts of the force on a link, in the order of the arrays.
 PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")

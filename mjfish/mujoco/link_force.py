@@ -14,12 +14,12 @@ import mujoco
 import numpy as np
 from numba import carray
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled, merged
 from mjfish.hydro.blunt_force import blunt_drag, blunt_momentum
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled, merged
 
 #: Numbers of a strips' frame.
 FRAME = 12

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field
 
-from mjfish import tomlfile
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
 from mjfish.mujoco.blunt_link import KEYS, BluntLink
 from mjfish.mujoco.strip_link import COEFFICIENTS, DENSEST, StripLink
-from mjfish.tomlfile import Table
 
 Link = StripLink | BluntLink
 

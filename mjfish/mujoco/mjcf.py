@@ -27,16 +27,16 @@ import mujoco
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import KINDS, Fish, Link, Servo, load_fish
+from mjfish.fish.outline import LinkOutline, outlines
 from mjfish.hydro.load import Load, memory_of
-from mjfish.hydro.outline import LinkOutline, outlines
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.strip_link import StripLink
+from mjfish.numerics.arrays import FloatArray
 
 Integrator = Literal["RK4", "Euler", "implicitfast", "implicit", "discrete"]
 INTEGRATORS = {

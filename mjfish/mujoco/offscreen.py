@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
+from mjfish.numerics.arrays import FloatArray
 
 #: Red, green, blue and opacity, 0 to 255.
 Colour = tuple[int, int, int, int]

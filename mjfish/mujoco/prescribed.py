@@ -14,10 +14,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco import dense_inertia
 from mjfish.mujoco.coupling_choice import Coupling
@@ -26,6 +24,7 @@ from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import ROOT, Integrator, prepared, spec, strips
 from mjfish.mujoco.rollout import DIVERGED
+from mjfish.numerics.arrays import FloatArray
 
 #: Inertia of a flywheel [kg m2]: torques of the water, below 10 N m, change the asked acceleration by 1e-8 rad/s2.
 _FLYWHEEL = 1e9

@@ -9,15 +9,14 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray, readonly
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.load import Load
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.mjcf import ROOT, Integrator, Trim, swimmer
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: A run has diverged once a velocity passes this [m/s or rad/s]: no fish does.
 DIVERGED = 1e3

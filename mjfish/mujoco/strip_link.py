@@ -13,12 +13,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
 from mjfish.fish import NotNegative, Section
 from mjfish.hydro.force import KC_0
-from mjfish.parameter import Parameter
-from mjfish.tomlfile import Table
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 #: Coefficients of a link, dimensionless; each is a field of `StripLink`.
 COEFFICIENTS = {

@@ -18,7 +18,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import KINDS, Fish
@@ -29,6 +28,7 @@ from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import Trim
 from mjfish.mujoco.strip_link import StripLink
+from mjfish.numerics.arrays import FloatArray
 
 #: Time step [s], and pictures a second.
 _STEP, _RATE = 0.002, 50.0

@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 from numba import carray, types
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.mujoco.layout import LIBRARY, addresses, data_at, floats, structure
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
 
 #: Of a note, for each body: whether the water wrote on it, the six numbers that it wrote last, and those before it.
 _NOTE = 13

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.data.trial import rows_of, seen_of
 from mjfish.errors import InputError
+from mjfish.files.plain_data import fields_of
 from mjfish.noise.kalman import Gains, coloured, filtered_states, gains, whitened
-from mjfish.serialise import fields_of
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
 MAX_ORDER = 20

@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize, signal
 
-from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
 from mjfish.noise.sample import NoiseSample, spectrum
+from mjfish.numerics.arrays import BoolArray, FloatArray, checked, readonly
 
 #: Windows, degrees and shares rho that are tried. Degree 2 has the derivative of degree 1, and 4 that of 3.
 WINDOWS, DEGREES, _SHARES = range(3, 23, 2), (2, 4), (0.02, 0.05, 0.1, 0.2)

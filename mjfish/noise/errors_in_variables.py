@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data import Trial
+from mjfish.files.plain_data import unsaved
 from mjfish.noise.autoregressive import Noise
-from mjfish.serialise import unsaved
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)

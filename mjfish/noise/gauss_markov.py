@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
+from mjfish.files.plain_data import unsaved
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
 from mjfish.noise.sample import NoiseSample, Spectrum, spectrum
-from mjfish.serialise import unsaved
+from mjfish.numerics.arrays import BoolArray, FloatArray, checked, readonly
 
 #: Correlation times from which the best is looked for [s].
 _TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import compiled, merged, part
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.compiled import compiled, merged, part
 
 
 class Sparse(NamedTuple):

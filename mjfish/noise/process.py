@@ -20,12 +20,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import linalg, optimize
 
-from mjfish.arrays import BoolArray, FloatArray, checked, readonly
 from mjfish.data import Trial
+from mjfish.files.plain_data import unsaved
 from mjfish.noise.autoregressive import Noise
 from mjfish.noise.kalman import Gains, gains
 from mjfish.noise.sample import NoiseSample, Spectrum, spectrum
-from mjfish.serialise import unsaved
+from mjfish.numerics.arrays import BoolArray, FloatArray, checked, readonly
 
 #: Correlation times that are tried [s].
 _TIMES = (0.1, 0.3, 1.0, 3.0)

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
-from mjfish.block_angular import BlockAngular, IntArray, block_angular, span, tall_svd
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate, grid
+from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out
+from mjfish.numerics.block_angular import BlockAngular, IntArray, block_angular, span, tall_svd
 
 #: Draws of white noise that tell what the saturated model takes of a spectrum, and the least share that is left.
 _DRAWS, _LEAST = 16, 0.02

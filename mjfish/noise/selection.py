@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter, unit_impulse
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, floor
 from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
@@ -21,6 +20,7 @@ from mjfish.noise.gauss_markov import gauss_markov, longest
 from mjfish.noise.kalman import Gains
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample, remaining_power
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged
 from mjfish.fish import Fish
 from mjfish.hydro.force import added_mass, drag, gyroscopic, magnitude
 from mjfish.hydro.load import AT_STATEFUL, LoadBuffers, LoadTable, loads_on
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged
 
 #: u, v, w [m/s, m/s, rad/s] of the nose, x, y [m], yaw [rad], tail deflection [rad], its rate [rad/s]; model's frame.
 STATES = 8

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
-from mjfish.compiled import compiled
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.force import added_mass, drag, gyroscopic
 from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on, memory_of
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import compiled
 from mjfish.ode.equation import STATES, Joints, System, derivative, next_link
 from mjfish.ode.rollout import system_of
 

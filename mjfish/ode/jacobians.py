@@ -13,11 +13,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
-from mjfish.compiled import borrowing
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.load import Load, load_rows
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import borrowing
 from mjfish.ode.equation import STATES, Joints, System, derivative
 from mjfish.ode.linearisation import ANGLE, Linearisation, linearise
 from mjfish.ode.rollout import Rollout, system_of

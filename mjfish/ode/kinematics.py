@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import Rollout
 
 

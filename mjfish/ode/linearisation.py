@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged, part
 from mjfish.hydro.force import crossflow_derivatives
 from mjfish.hydro.load import ANSWER, AT_STATEFUL, SLOPES, LoadBuffers, loads_on
 from mjfish.hydro.load_derivatives import velocity_derivatives
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged, part
 from mjfish.ode.equation import Joints, System, next_link
 
 Three = tuple[float, float, float]

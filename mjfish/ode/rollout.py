@@ -11,14 +11,13 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import borrowing, merged
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, Load, LoadTable, load_rows, memory_of
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.compiled import borrowing, merged
 from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative, tail_of
 
 Coriolis = Literal["corrected", "printed"]

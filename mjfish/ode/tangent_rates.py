@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
-from mjfish.compiled import merged, part
 from mjfish.hydro.force import crossflow_tangent
 from mjfish.hydro.load import (
     ANSWER,
@@ -36,6 +34,8 @@ from mjfish.hydro.load_derivatives import (
     record_derivative,
     stateful_derivatives,
 )
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.compiled import merged, part
 from mjfish.ode.equation import STATES, Joints, System
 from mjfish.ode.linearisation import LENGTH, Linearisation, joint_trigonometry, linearise, solve, to_head
 

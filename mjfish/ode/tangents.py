@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray
-from mjfish.compiled import borrowing, merged
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column
 from mjfish.hydro.load import AT_STATEFUL, PARAMETERS, ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.hydro.load_derivatives import CHANGE, INACTIVE_STEP, RELATIVE_STEP, LoadChanges
+from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.compiled import borrowing, merged
 from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative
 from mjfish.ode.rollout import (
     DIVERGED,

@@ -1,7 +1,7 @@
 """What a reader gets of a result: a figure, an HTML page, a log of the swimming, a cell of a notebook.
 
-`mjfish.result.Result` calls these functions. Each picks what fits the type of the result, and imports plotly, jinja2
-or rerun only then.
+`mjfish.files.result.Result` calls these functions. Each picks what fits the type of the result, and imports plotly,
+jinja2 or rerun only then.
 """
 
 from __future__ import annotations

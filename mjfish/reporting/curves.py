@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import write_table
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.errors import InputError
-from mjfish.files import check_file, make_folder
+from mjfish.files.writing import check_file, make_folder
+from mjfish.numerics.arrays import FloatArray
 
 
 def write_curves(mechanisms: Iterable[NamedMechanism], folder: Path) -> tuple[Path, ...]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis.curves import MeasuredCurve
+from mjfish.numerics.arrays import FloatArray
 
 #: Room above and below what is shown, as a share of it.
 _MARGIN = 0.35

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import write_table
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 
 #: Percentages of the fish that are slower.
 LEVELS = (5.0, 50.0, 95.0)

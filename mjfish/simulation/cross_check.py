@@ -23,21 +23,21 @@ from typing import Literal
 import numpy as np
 
 from mjfish import ode
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial, columns, read_table
 from mjfish.data.cells import check_increasing
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
+from mjfish.files.result import Result
 from mjfish.fish import Cpg, Fish, load_fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model.extended import Extended, load
 from mjfish.model.model import LoadsOfRun
 from mjfish.mujoco import prescribed, simulate
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.mjcf import Integrator
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.ode.rollout import Coriolis
-from mjfish.result import Result
 from mjfish.simulation.run import check_can_act, sample_times
 
 #: Largest difference at the first step, relative to the range of the channel.

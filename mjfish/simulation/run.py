@@ -10,8 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from mjfish import mujoco, ode, tomlfile
-from mjfish.arrays import FloatArray, readonly
+from mjfish import mujoco, ode
 from mjfish.data import Trial, columns, read_table, validation, write_table
 from mjfish.data.dataset_toml import Law
 from mjfish.drive import modes
@@ -19,12 +18,14 @@ from mjfish.drive.motion import JointMotion
 from mjfish.drive.wave import Wave
 from mjfish.effects import Causes, Effect
 from mjfish.errors import InputError
+from mjfish.files import tomlfile
+from mjfish.files.plain_data import unsaved
+from mjfish.files.result import Result
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import extended
 from mjfish.model.model import Prepared
-from mjfish.result import Result
-from mjfish.serialise import unsaved
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.band import Band, band
 
 #: Longest step of both engines [s].

@@ -9,7 +9,6 @@ from typing import Literal, TypedDict, Unpack, cast
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Role, Sensor, Tank, Trial
 from mjfish.data.sensor import within
 from mjfish.drive import modes as table_iv
@@ -17,6 +16,7 @@ from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.run import check_can_act, sample_times
 
 #: Step of the generating model [s]: five times finer than that of the fits, so that they do not share its error.

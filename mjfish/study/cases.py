@@ -9,13 +9,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from mjfish import tomlfile
 from mjfish.data import Dataset, load_dataset
 from mjfish.data.dataset_toml import FILE
 from mjfish.diagnosis import diagnose
 from mjfish.errors import InputError
 from mjfish.estimation import Settings, identify
-from mjfish.files import exists
+from mjfish.files import tomlfile
+from mjfish.files.writing import exists
 from mjfish.model import Model
 from mjfish.simulation import generate
 from mjfish.study.pieces import Piece

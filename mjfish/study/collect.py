@@ -11,7 +11,7 @@ from typing import Any
 from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.estimation.tables import write_rows
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
 from mjfish.study.cases import Case
 from mjfish.study.store import Store
 from mjfish.study.study_toml import Generated

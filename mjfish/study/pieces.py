@@ -10,7 +10,7 @@ from math import gcd
 from typing import Any, TypeVar
 
 from mjfish.errors import InputError
-from mjfish.hashed import digest
+from mjfish.files.checksummed_json import digest
 
 
 class Piece(ABC):

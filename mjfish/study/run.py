@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from mjfish.errors import InputError
 from mjfish.execution import executing
-from mjfish.executors import NoClusterError, cluster, fan_out, processes
+from mjfish.execution.executors import NoClusterError, cluster, fan_out, processes
 from mjfish.study.lock import locked
 from mjfish.study.pieces import Piece, Shard
 from mjfish.study.store import Store

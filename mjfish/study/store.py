@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mjfish import bounded, hashed
 from mjfish.errors import InputError
-from mjfish.files import make_folder, write_json
+from mjfish.files import checksummed_json, size_limited
+from mjfish.files.writing import make_folder, write_json
 from mjfish.study.pieces import Piece
 
 #: Of the file of a piece.
@@ -34,7 +34,7 @@ class Store:
     def write(self, piece: Piece, outcome: dict[str, Any], seconds: float) -> None:
         """Write what came of a piece, whole or not at all, or raise `InputError`."""
         write_json(self._file("seconds", piece.key), {"seconds": round(seconds, 3)})
-        hashed.write(self._file("pieces", piece.key), {"schema": SCHEMA, "input": piece.input, **outcome})
+        checksummed_json.write(self._file("pieces", piece.key), {"schema": SCHEMA, "input": piece.input, **outcome})
 
     def keys(self) -> list[str]:
         """Return the hashes of all pieces that are there."""
@@ -47,15 +47,15 @@ class Store:
             InputError: the file is damaged: it cannot be read, or its hash does not fit.
         """
         path = self._file("pieces", key)
-        content = hashed.read(path)
-        if content is not None and hashed.digest(content.get("input")) != key:
+        content = checksummed_json.read(path)
+        if content is not None and checksummed_json.digest(content.get("input")) != key:
             raise InputError(f"{path}: it is of another piece; delete it")
         return content
 
     def seconds(self, key: str) -> float | None:
         """Return how long a piece took [s]; None where nothing says it."""
         try:
-            seconds = bounded.read_json(self._file("seconds", key), "delete it")["seconds"]
+            seconds = size_limited.read_json(self._file("seconds", key), "delete it")["seconds"]
         except (InputError, LookupError, TypeError):
             return None
         return float(seconds) if isinstance(seconds, (int, float)) else None

@@ -8,16 +8,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mjfish import tomlfile
 from mjfish.data.dataset_toml import FILE, Number, Positive
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.errors import InputError, located
 from mjfish.estimation import Settings
 from mjfish.estimation.settings import Loss, Weights
-from mjfish.files import exists
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
+from mjfish.files.writing import exists
 from mjfish.fish import Fish, load_fish
-from mjfish.tomlfile import Table
 
 Seed = Annotated[int, Field(ge=0)]
 

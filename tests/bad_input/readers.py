@@ -19,7 +19,7 @@ from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer
 
 import mjfish
-from mjfish import data, fish, hashed, tomlfile
+from mjfish import data, fish
 from mjfish.comparison import rollouts
 from mjfish.data.importers import import_files
 from mjfish.data.importers.deeplabcut import read_tracks
@@ -27,7 +27,8 @@ from mjfish.data.importers.mapping import MarkersMap, fish_of, layout
 from mjfish.data.importers.markers import Marked, metres, read_points
 from mjfish.design import load_fitted_models
 from mjfish.errors import MjfishError
-from mjfish.files import json_text
+from mjfish.files import checksummed_json, tomlfile
+from mjfish.files.writing import json_text
 from mjfish.model import extended
 from mjfish.study import read_cases
 from mjfish.study.study_toml import Generated, acting
@@ -71,7 +72,7 @@ class Reader:
     def outcome(self, raw: bytes, folder: Path) -> str:
         """Return ``read`` or ``refused``; whatever else comes of reading is an error, and so is a number not finite."""
         (folder / self.name).write_bytes(raw)
-        fish._read.cache_clear()  # a file may change twice within the resolution of its time
+        fish.fish._read.cache_clear()  # a file may change twice within the resolution of its time
         begun, found, message = time.process_time(), None, ""
         try:
             found = self.read(folder)
@@ -420,7 +421,7 @@ def _signed(raw: bytes, random: Random) -> bytes:
     try:
         content = mutations.json.loads(mutations.rearranged_json(raw, random))
         content.pop("sha256", None)
-        return json_text(content | {"sha256": hashed.digest(content)}).encode()
+        return json_text(content | {"sha256": checksummed_json.digest(content)}).encode()
     except (ValueError, RecursionError, AttributeError, TypeError):
         return raw
 

@@ -12,11 +12,11 @@ from command_line import Run
 from diagnosed import diagnosis
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import read_table
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, extended
+from mjfish.numerics.arrays import FloatArray
 
 _FEW = {name: find(name) for name in ("servo_lag", "tail_compliance", "time_offset")}
 

@@ -11,12 +11,12 @@ import pytest
 from command_line import Run
 
 from mjfish import simulation as crosscheck
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial, read_table
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, extended
+from mjfish.numerics.arrays import FloatArray
 
 _VALUES = {
     "c_d.tail": 2.25, "linear_drag.along": 1.0, "linear_drag.across": 80.0, "tail_compliance.compliance": 0.2,

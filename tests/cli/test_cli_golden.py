@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis, learned_diagnosis
 
-from mjfish.arrays import readonly
 from mjfish.cli import console
 from mjfish.cli.data import show_report
 from mjfish.cli.diagnosis_text import LINES, show
@@ -26,6 +25,7 @@ from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
 from mjfish.fish import load_fish
 from mjfish.inspection import DataReport, Finding, Inspection
+from mjfish.numerics.arrays import readonly
 
 GOLDEN = Path(__file__).with_name("golden")
 WRITTEN = [Path("found") / name for name in ("diagnosis.json", "report.html", "fish.rrd", "extended.toml")]

@@ -12,8 +12,8 @@ import pytest
 from command_line import Run
 
 import mjfish
-from mjfish.arrays import readonly
 from mjfish.data import save
+from mjfish.numerics.arrays import readonly
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, columns, load_dataset, save, write_table
 from mjfish.fish import load_fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.01, 0.05])

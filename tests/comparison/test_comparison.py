@@ -14,8 +14,8 @@ from mjfish.comparison import Comparison, compare
 from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
-from mjfish.files import write_json
-from mjfish.frames import CHANNELS
+from mjfish.files.writing import write_json
+from mjfish.fish.frames import CHANNELS
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from measured_and_simulated import clean, measured, write
 from mjfish.comparison.rollouts import assign, read
 from mjfish.data import Dataset, Trial
 from mjfish.errors import InputError
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from recordings import TOML, cpg_csv, write_folder
 
-from mjfish import bounded, tomlfile
 from mjfish.data import cells, load_dataset, read_table, write_table
 from mjfish.data.importers.mapping import VelocitiesMap
 from mjfish.errors import InputError
+from mjfish.files import size_limited, tomlfile
 
 ROOT = Path(__file__).parents[2]
 #: Files of zeros, none of whose 5 GB is on the disk.
@@ -117,23 +117,23 @@ def test_a_file_that_is_no_table_is_refused(content: bytes, complaint: str, tmp_
 def test_what_is_more_than_is_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = write_folder(tmp_path)
     load_dataset(folder)
-    monkeypatch.setattr(bounded, "SETTINGS", len(TOML) - 1)
-    monkeypatch.setattr(bounded, "_size", lambda count: f"{count} bytes")
+    monkeypatch.setattr(size_limited, "SETTINGS", len(TOML) - 1)
+    monkeypatch.setattr(size_limited, "_size", lambda count: f"{count} bytes")
     with pytest.raises(InputError, match=rf"dataset\.toml: has more than {len(TOML) - 1} bytes, the most that is read"):
         load_dataset(folder)
-    monkeypatch.setattr(bounded, "TABLE", len(cpg_csv()) - 1)
+    monkeypatch.setattr(size_limited, "TABLE", len(cpg_csv()) - 1)
     with pytest.raises(InputError, match=r"cpg\.csv: has more than .* bytes, the most that is read; save what is"):
         read_table(folder / "cpg.csv")
 
 
 def test_a_pipe_is_read_up_to_the_same_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A pipe has no size beforehand."""
-    monkeypatch.setattr(bounded, "_BEGINNING", 16)
+    monkeypatch.setattr(size_limited, "_BEGINNING", 16)
     read, write = os.pipe()
     os.write(write, b"0123456789" * 5)
     os.close(write)
     with pytest.raises(InputError, match="has more than 0 MiB, the most that is read; cut it"):
-        bounded.read_text(Path(f"/dev/fd/{read}"), 40, "cut it")
+        size_limited.read_text(Path(f"/dev/fd/{read}"), 40, "cut it")
     os.close(read)
 
 
@@ -156,7 +156,7 @@ def test_no_table_is_written_that_would_not_be_read(tmp_path: Path, monkeypatch:
     with pytest.raises(InputError, match=r"run\.parquet: has 10 numbers, expected 9 at most; cut it"):
         write_table(tmp_path / "run.parquet", table)
     monkeypatch.setattr(cells, "MOST_NUMBERS", 10)
-    monkeypatch.setattr(bounded, "TABLE", 48)
+    monkeypatch.setattr(size_limited, "TABLE", 48)
     with pytest.raises(InputError, match=r"run\.csv: 49 bytes of CSV, expected 48 at most; write Parquet"):
         write_table(tmp_path / "run.csv", table)
     assert not list(tmp_path.iterdir())
@@ -172,7 +172,7 @@ def test_json_that_is_no_result_is_refused(tmp_path: Path) -> None:
     ):
         path.write_text(content)
         with pytest.raises(InputError, match=rf"diagnosis\.json: cannot be read as JSON: .*{complaint}.*; write it by"):
-            bounded.read_json(path, "write it by hand")
+            size_limited.read_json(path, "write it by hand")
 
 
 def test_toml_that_is_nested_without_end_is_refused(tmp_path: Path) -> None:

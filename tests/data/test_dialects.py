@@ -18,7 +18,7 @@ from mjfish.data.importers.mapping import PosesMap
 from mjfish.data.sheet import read_sheet
 from mjfish.data.trial import Trial
 from mjfish.errors import MjfishError
-from mjfish.tomlfile import parse
+from mjfish.files.tomlfile import parse
 
 FILES = Path(__file__).parent / "dialects"
 ROWS = np.arange(24)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 #: Frames of a path between two samples, fine enough to be the truth.

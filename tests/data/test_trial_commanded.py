@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, save
 from mjfish.data.trial import Hold
 from mjfish.effects import find
@@ -18,6 +17,7 @@ from mjfish.estimation import fit
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.model import asked_motion
 from mjfish.noise import Noise
+from mjfish.numerics.arrays import readonly
 
 SIGMA = np.array([0.006, 0.006, 0.04])
 

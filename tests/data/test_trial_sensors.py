@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Sensor, save
 from mjfish.errors import InputError, MjfishError
+from mjfish.numerics.arrays import FloatArray
 
 TOML = """\
 schema = 1

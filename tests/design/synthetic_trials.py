@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 DURATION = 4.0
 SIGMA = (0.02, 0.02, 0.1)

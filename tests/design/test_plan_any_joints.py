@@ -7,7 +7,7 @@ import pytest
 
 from mjfish.design import plan
 from mjfish.design.menu import Menu
-from mjfish.fish_of_measurements import new_fish
+from mjfish.fish.from_measurements import new_fish
 from mjfish.simulation import generate
 
 

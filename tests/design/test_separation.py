@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from synthetic_trials import DURATION, swum, synthetic
 
-from mjfish.arrays import solve
 from mjfish.data import Dataset
 from mjfish.design.fitted_models import FittedModels, ModelEstimate
 from mjfish.design.information import Information, Separation, separations
@@ -17,6 +16,7 @@ from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
+from mjfish.numerics.arrays import solve
 from mjfish.progress import silent
 
 CASES = {

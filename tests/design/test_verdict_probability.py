@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mjfish.arrays import FloatArray
 from mjfish.design.information import NO_GAIN, Gain, Information, Separation, column, excluded, verdict_probability
 from mjfish.diagnosis.thresholds import THRESHOLDS
+from mjfish.numerics.arrays import FloatArray
 
 DRAWS = 1500
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray, orthonormal, principal_axes, project_out
-from mjfish.block_angular import BlockAngular, Part, block_angular, span
 from mjfish.diagnosis.evidence import ByRun, flipped_p
+from mjfish.numerics.arrays import FloatArray, orthonormal, principal_axes, project_out
+from mjfish.numerics.block_angular import BlockAngular, Part, block_angular, span
 
 RUNS, ROWS, WAVES = 12, 40, 6
 

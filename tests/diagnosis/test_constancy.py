@@ -9,7 +9,6 @@ import pytest
 from diagnosed import row
 from scipy import stats
 
-from mjfish.arrays import orthonormal, project_out
 from mjfish.data import Sensor, Trial
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.held_out import HeldOut
@@ -23,6 +22,7 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.omnibus import HATS
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import orthonormal, project_out
 from mjfish.simulation.synthetic import generate
 
 NOISE = np.array([0.004, 0.004, 0.03])

@@ -15,7 +15,6 @@ from hidden_cases import coefficients, draw
 from pike_coefficients import COEFFICIENTS
 
 from mjfish import sample
-from mjfish.arrays import readonly
 from mjfish.data import load_dataset, save
 from mjfish.diagnosis import Diagnosis, conclusion, diagnose
 from mjfish.diagnosis.assembly import remarks
@@ -27,9 +26,10 @@ from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.fish.frames import CHANNELS
 from mjfish.formats import percent
-from mjfish.frames import CHANNELS
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import readonly
+from mjfish.parameters import Parameter
 from mjfish.simulation.synthetic import generate
 
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"

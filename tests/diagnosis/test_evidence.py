@@ -14,8 +14,8 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.problem import _Predicted
 from mjfish.model import Model
-from mjfish.parameter import Parameter
-from mjfish.sized_cache import always
+from mjfish.numerics.sized_cache import always
+from mjfish.parameters import Parameter
 
 
 def test_a_cause_that_the_coefficients_hide_changes_no_p_value() -> None:

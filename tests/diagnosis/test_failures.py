@@ -34,10 +34,10 @@ from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing
+from mjfish.execution.checkpoint import Kept
 from mjfish.fish import load_fish
-from mjfish.kept import Kept
 from mjfish.model import Model
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 from mjfish.simulation.synthetic import generate
 
 FIT = sys.modules[_fit_function.__module__]
@@ -426,7 +426,7 @@ def test_an_effect_that_raises_on_held_out_trials_alone_is_a_failure() -> None:
 
 #: A few that every run has, for the fast tests.
 FEW = [
-    ("mjfish.block_angular", "numpy.linalg", "svd"),
+    ("mjfish.numerics.block_angular", "numpy.linalg", "svd"),
     ("mjfish.diagnosis.evidence", "numpy.linalg", "eigh"),
     ("mjfish.estimation.stability", "scipy.optimize", "minimize"),
 ]

@@ -13,7 +13,6 @@ from foreign_forms import FOREIGN
 from hidden_cases import DURATION, NOISE, SEED, Case, coefficients
 from threadpoolctl import threadpool_limits
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.held_out import gain
@@ -24,6 +23,7 @@ from mjfish.estimation import fit
 from mjfish.estimation.residual import predict_held_out
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 KNOWN = {effect.name: effect for effect in FOREIGN}

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
 from mjfish.drive.wave import Wave
 from mjfish.effects import find
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 FISH = load_fish("eth_tendon")
 SIGMA = np.array([0.002, 0.004, 0.03])

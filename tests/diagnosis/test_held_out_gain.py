@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hidden_cases import draw
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.conclusion import _misleading
@@ -18,8 +17,9 @@ from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import errs
 from mjfish.estimation.residual import ChannelError, Score
-from mjfish.frames import CHANNELS, UNITS
-from mjfish.sized_cache import always
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.numerics.sized_cache import always
 
 
 @pytest.fixture(scope="module")

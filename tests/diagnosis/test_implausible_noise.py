@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hidden_cases import draw
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.implausible_noise import burstiness, coincidence, stand_out, too_large
@@ -20,6 +19,7 @@ from mjfish.fish import Fish
 from mjfish.inspection import Repeats
 from mjfish.noise.autoregressive import Autoregressive
 from mjfish.noise.differentiation import DifferentiationNoise
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 SLOW = Autoregressive(readonly(np.full(3, 0.01)), readonly(np.full((3, 1), 0.9)))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.refit import finer, lowest, refined, refit_with, resolved
@@ -16,6 +15,7 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.05])

@@ -11,12 +11,12 @@ from diagnosed import diagnosis
 from hidden_cases import draw
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.isolability import Isolability, isolability, isolated
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.html.diagnosis import render_diagnosis
 
 SCALE, POINT, REACTIVE = (find(name) for name in ("velocity_scale", "marker_offset", "reactive_force"))

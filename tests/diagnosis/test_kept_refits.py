@@ -20,7 +20,6 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, save
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis import refit_result as module
@@ -36,12 +35,13 @@ from mjfish.estimation.fit import fit
 from mjfish.estimation.intervals import profiles
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.execution import executing
-from mjfish.executors import cluster, processes
-from mjfish.kept import Kept
+from mjfish.execution.checkpoint import Kept
+from mjfish.execution.executors import cluster, processes
 from mjfish.noise import Noise
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.sized_cache import Budget, Remade
+from mjfish.parameters import Parameter
 from mjfish.simulation import generate
-from mjfish.sized_cache import Budget, Remade
 
 QUICK = {name: find(name) for name in ("time_offset", "servo_lag", "ambient_current")}
 OWN = Path(__file__).parents[1] / "effects" / "own_effects.py"

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.compared import lone_run, odd_run
@@ -16,6 +15,7 @@ from mjfish.effects import catalogue, of_fish
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 NOISE = np.array([0.004, 0.004, 0.03])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.diagnosis.missing_force import missing_force, stretched, with_velocities
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.ode.jacobians import jacobians
 from mjfish.simulation.synthetic import generate
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hidden_cases import draw
 
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.diagnosis.evidence import gather, signatures
 from mjfish.diagnosis.failures import Parts, noting
@@ -22,6 +21,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.problem import Slopes
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = readonly(np.array([0.006, 0.006, 0.04]))

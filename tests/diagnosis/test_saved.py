@@ -14,13 +14,13 @@ from diagnosed import diagnosis, learned_diagnosis
 from schema_check import complaints
 
 import mjfish
-from mjfish import hashed
 from mjfish.cli.diagnosis_text import show
 from mjfish.data import Sensor
 from mjfish.diagnosis import Diagnosis, DiagnosisData, Estimate, SensorOverlay
 from mjfish.diagnosis.held_out import RunGain
 from mjfish.effects import find
 from mjfish.errors import InputError
+from mjfish.files import checksummed_json
 from mjfish.inspection import Finding, Inspection
 from mjfish.reporting.html.diagnosis import render_diagnosis
 
@@ -142,7 +142,7 @@ def test_a_file_is_small_beside_its_page(tmp_path: Path) -> None:
 
 def _signed(content: dict[str, Any]) -> dict[str, Any]:
     own = {key: value for key, value in content.items() if key != "sha256"}
-    return {**own, "sha256": hashed.digest(own)}
+    return {**own, "sha256": checksummed_json.digest(own)}
 
 
 SLIPS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, stats
 
-from mjfish.arrays import orthonormal, project_out
 from mjfish.diagnosis import evidence
+from mjfish.numerics.arrays import orthonormal, project_out
 
 
 def test_one_sided_statistic_is_what_non_negative_least_squares_removes() -> None:

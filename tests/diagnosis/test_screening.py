@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.refit import find_threshold, off_null, refit_with, refits
@@ -19,6 +18,7 @@ from mjfish.estimation.fit import multistart
 from mjfish.estimation.identification import pose
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model, asked_motion
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.05])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mjfish.arrays import FloatArray, project_out
 from mjfish.diagnosis.evidence import flipped_p
+from mjfish.numerics.arrays import FloatArray, project_out
 
 N, K = 1200, 60
 TIME = np.arange(N)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import interpolate, signal
 
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.data.filters import Differentiator
 from mjfish.diagnosis.screening import screen
@@ -17,6 +16,7 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.006, 0.006, 0.04])

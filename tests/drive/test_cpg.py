@@ -7,12 +7,12 @@ import pytest
 from referee import Referee
 from scipy.integrate import solve_ivp
 
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg
 from mjfish.drive.cpg import ZETA_START, DriveSegment
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 STRAIGHT = (0.0, 0.0, 0.0, 0.0)
 CHANGING = (

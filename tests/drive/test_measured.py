@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import BSpline, make_interp_spline, make_smoothing_spline
 from scipy.linalg import eigh
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.measured import ALLOWED, eased_smoothing, exact, joint_motion, smoothing, smoothing_spline
+from mjfish.numerics.arrays import FloatArray
 
 PULSE = 2.0 * np.pi * 1.0
 AMPLITUDE = 0.4

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.drive.cpg import DriveSegment
+from mjfish.numerics.arrays import readonly
 
 STRAIGHT = (0.0, 0.0, 0.0, 0.0)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.effects import Effect
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on
+from mjfish.numerics.arrays import FloatArray
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 LINKS = range(5)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import Rollout
 
 

@@ -2,13 +2,13 @@
 
 from typing import Any, ClassVar
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.hydro.load import Load, load
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 
 class CameraScale(Effect):

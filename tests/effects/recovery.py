@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 #: Of surge, sway [m/s] and yaw rate [rad/s].

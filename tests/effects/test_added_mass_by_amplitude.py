@@ -9,17 +9,17 @@ import pytest
 from link_forces import LINKS, STATES, VALUES, moving, numbers
 from recovery import derivative_error
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis import curves
 from mjfish.effects import Effect, find
 from mjfish.effects.momentum_rate import SETTLE
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
-from mjfish.hydro.outline import outlines
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
+from mjfish.numerics.arrays import FloatArray
 
 LAW, FORMULA = find("added_mass_law"), find("added_mass_amplitude")
 KNOTS = [p.short for p in LAW.parameters]

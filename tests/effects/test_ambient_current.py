@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from mjfish import frames
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import find
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.model import Model, Prediction
+from mjfish.numerics.arrays import FloatArray, readonly
 
 CURRENT = find("ambient_current")
 C = np.array([0.12, -0.07])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Sensor, Tank, Trial
 from mjfish.drive.wave import Wave
 from mjfish.effects import Effect, catalogue
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 
 def _fish(pike: Fish, joints: int) -> Fish:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import modes
 from mjfish.effects import catalogue, of_fish
@@ -18,6 +17,7 @@ from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 from mjfish.mujoco import StripFluid, export
+from mjfish.numerics.arrays import readonly
 
 JOINTS = (1, 2, 5, 9)
 

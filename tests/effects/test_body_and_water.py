@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
@@ -14,6 +13,7 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import one_sided, sensitivities
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 #: Off every bound.

@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.effects import Effect, catalogue, find, of_fish
 from mjfish.errors import InputError, MjfishError, ParameterError, UnknownNameError
-from mjfish.fish_of_measurements import new_fish
+from mjfish.fish.from_measurements import new_fish
 from mjfish.hydro.load import PARAMETERS
 
 VALID = (Path(__file__).parent / "own_effects.py").read_text(encoding="utf-8").partition("\n@load")[0]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.effects.commanded import CATCH_UP, SHORTEST, filtered, limited
+from mjfish.numerics.arrays import FloatArray
 
 END, START = 2.0, 0.3
 #: Steps of the other solvers [s]: with inputs straight in between they are off by 1e-6 of the amplitude.

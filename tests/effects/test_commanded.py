@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
@@ -15,6 +14,7 @@ from mjfish.effects import Effect, find
 from mjfish.effects.commanded import balanced
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 #: Sizes that act on the trial's drive.
 SIZES = {
@@ -84,7 +84,9 @@ def test_the_model_integrates_it_as_well_as_a_finer_step_does(pike: Fish, turnin
 
 
 @over_all
-def test_measured_joint_angles_are_what_the_joints_got_but_for_the_zeros_of_their_sensors(pike: Fish, straight: Trial, effect: Effect) -> None:
+def test_measured_joint_angles_are_what_the_joints_got_but_for_the_zeros_of_their_sensors(
+    pike: Fish, straight: Trial, effect: Effect
+) -> None:
     time = np.linspace(0.0, 1.0, 51)
     angle = 0.3 * np.sin(18.0 * time[:, None] - np.arange(4))
     measured = Trial("m", None, readonly(time), readonly(np.zeros((51, 3))), joint_angle=readonly(angle))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from link_forces import LINKS, STATES, VALUES, force, moving, numbers
 
-from mjfish.arrays import FloatArray
 from mjfish.effects import Effect, find
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.force import drag
 from mjfish.hydro.load import PARAMETERS, SLOPES, gradient_on, load_rows
+from mjfish.numerics.arrays import FloatArray
 
 KINDS = ("across", "along")
 

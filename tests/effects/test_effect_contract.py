@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Sensor, Tank, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
@@ -19,7 +18,8 @@ from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.parameters import Parameter
 
 OWN = Path(__file__).parent / "own_effects.py"
 EFFECTS = catalogue([OWN])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from link_forces import pushed
 
-from mjfish.arrays import FloatArray
 from mjfish.effects.fin_lift import FinLift
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import outlines
+from mjfish.numerics.arrays import FloatArray
 
 
 def _records(fish: Fish, u: float, v: float, w: float) -> Any:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
@@ -14,6 +13,7 @@ from mjfish.effects import Effect, catalogue
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Frequencies of the drive that are compared [rad/s].
 OMEGA = (16.0, 26.0)

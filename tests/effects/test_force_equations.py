@@ -10,12 +10,12 @@ import pytest
 from link_forces import LINKS, STATES, VALUES, force, moving
 from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines, section_at
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
-from mjfish.hydro.outline import outlines, section_at
+from mjfish.numerics.arrays import FloatArray
 
 RHO, NU, REFERENCE = 1000.0, 1e-6, 0.3
 Three = tuple[float, float, float]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from recovery import derivative_error, deviations, refitted, strength, synthetic
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import find
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 ZERO = find("joint_zero_offset")
 BEND = {"joint_1": 0.02, "joint_2": -0.015, "joint_3": 0.02, "joint_4": 0.03}

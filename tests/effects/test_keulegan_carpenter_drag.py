@@ -11,14 +11,14 @@ from link_velocities import link_velocities
 from recovery import derivative_error
 from scipy import integrate
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.effects.keulegan_carpenter_drag import KeuleganCarpenterDrag
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
-from mjfish.hydro.outline import outlines
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
+from mjfish.numerics.arrays import FloatArray, readonly
 
 POWER = "keulegan_carpenter_drag.power"
 TAU, FLOOR, KC_0, RHO = 0.5, 0.3, 3.0, 1000.0

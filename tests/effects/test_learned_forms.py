@@ -11,7 +11,6 @@ import pytest
 from foreign_forms import LATER
 from recovery import NOISE, TRUTH
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.refit import off_null
@@ -21,6 +20,7 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.smoothness import smoothed
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 KNOWN = {effect.name: effect for effect in LATER}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis.refit import off_null
 from mjfish.effects import catalogue, find
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 #: Numbers of every formula that is the limit of another one.

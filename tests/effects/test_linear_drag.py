@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from link_forces import pushed
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.linear_drag import LinearDrag
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import outlines
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode import simulate
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from recovery import derivative_error, deviations, refitted, strength, synthetic
 
-from mjfish import frames
 from mjfish.data import Trial
 from mjfish.effects import find
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.model import Model
 
 MARKER = find("marker_offset")

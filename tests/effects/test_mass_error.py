@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
+from mjfish.numerics.arrays import FloatArray
 
 MASS = find("mass_error")
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.014, 0.01, 0.012), strict=True))

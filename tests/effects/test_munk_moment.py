@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish import ode
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 MUNK = find("munk_moment")
 

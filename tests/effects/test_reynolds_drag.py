@@ -9,14 +9,14 @@ import pytest
 from link_forces import pushed
 from scipy import integrate
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects.reynolds_drag import REFERENCE_SPEED, ReynoldsDrag
 from mjfish.fish import Fish
+from mjfish.fish.outline import section_at
 from mjfish.hydro.force import drag
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import section_at
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 
 
 def _records(fish: Fish, u: float, v: float, w: float) -> Any:

@@ -10,12 +10,12 @@ from recovery import NOISE, TRUTH, derivative_error, deviations, refitted, stren
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.effects.roll import GRAVITY
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 ROLL = find("roll")

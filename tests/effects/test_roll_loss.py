@@ -10,15 +10,15 @@ from recovery import derivative_error
 from scipy import integrate
 from scipy.interpolate import CubicSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects import Effect
 from mjfish.effects.roll_loss import RollLoss
 from mjfish.fish import Fish
+from mjfish.fish.outline import outlines
 from mjfish.hydro.force import drag
 from mjfish.hydro.load import ANSWER, LoadBuffers, load_rows, loads_on
-from mjfish.hydro.outline import outlines
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import Rollout
 
 SQUARE, OMEGA, ZETA, KAPPA = 4.0, 9.0, 0.3, 0.6

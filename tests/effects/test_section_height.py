@@ -10,7 +10,7 @@ from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.fish import Fish
-from mjfish.hydro.outline import outlines
+from mjfish.fish.outline import outlines
 from mjfish.model import Model
 
 HEIGHT = find("section_height")

@@ -7,12 +7,12 @@ import pytest
 from recovery import derivative_error, deviations, refitted, strength, synthetic
 from scipy.integrate import solve_ivp
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.effects import find
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 BACKLASH = find("servo_backlash")
 CONTACT = 0.003

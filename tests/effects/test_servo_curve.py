@@ -8,11 +8,11 @@ from recovery import derivative_error
 from scipy import integrate
 from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import find
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 CURVE = find("servo_curve")
 SHORTS = [p.short for p in CURVE.parameters]

@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
@@ -16,6 +15,7 @@ from mjfish.effects import find
 from mjfish.effects.servo_lag import SHORTEST
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 
 LAG = find("servo_lag")
 

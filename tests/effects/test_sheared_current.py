@@ -10,16 +10,15 @@ from link_forces import LINKS, STATES, VALUES, moving
 from recovery import derivative_error
 from scipy import integrate
 
-from mjfish import frames
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive.wave import Wave
 from mjfish.effects import Effect, find
 from mjfish.effects.sheared_current import ShearedCurrent
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
 from mjfish.hydro.force import drag
 from mjfish.hydro.load import ANSWER, PARAMETERS, PLACES, SLOPES, LoadBuffers, gradient_on, load_rows, loads_on
 from mjfish.model import Model, Prediction
+from mjfish.numerics.arrays import FloatArray, readonly
 
 SHEARED, UNIFORM = find("sheared_current"), find("ambient_current")
 #: Current at the origin [m/s], its shears [1/s], the place [m] and heading [rad] where a run begins.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, Prediction
+from mjfish.numerics.arrays import FloatArray
 
 TAIL = find("tail_compliance")
 

@@ -9,13 +9,13 @@ import pytest
 from pydantic import ValidationError
 from recovery import derivative_error
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis import curves
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.hydro.load import load_rows
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 
 LAW = find("tail_law")
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from mjfish.estimation import Fit
-from mjfish.sized_cache import always
+from mjfish.numerics.sized_cache import always
 
 
 def having(fit: Fit, **other: Any) -> Fit:

@@ -9,16 +9,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
-from mjfish.block_angular import BlockAngular
 from mjfish.effects import Effect
 from mjfish.effects.effect import Values
 from mjfish.effects.mechanism import Domain
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.parameter import Parameter
-from mjfish.prior import Prior
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.numerics.block_angular import BlockAngular
+from mjfish.parameters import Parameter
+from mjfish.parameters.prior import Prior
 
 
 class Toy(Effect):

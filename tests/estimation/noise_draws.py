@@ -10,12 +10,12 @@ from changed_fit import having
 from scipy import signal
 from synthetic_swimming import TRUTH, problem, swimming
 
-from mjfish.arrays import FloatArray
-from mjfish.block_angular import BlockAngular
 from mjfish.drive.modes import MODES
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import covariance
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import BlockAngular
 
 #: Skin friction in the middle of its bounds, four standard errors of coloured noise from either.
 INSIDE = {**TRUTH, "c_f.head": 0.0105, "c_f.body": 0.0105, "c_f.tail": 0.0105}

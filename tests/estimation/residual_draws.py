@@ -9,10 +9,10 @@ from changed_fit import having
 from scipy import signal
 from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import Linearised, covariance
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 
 def coloured(rng: np.random.Generator, samples: int, phi: float) -> FloatArray:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.01, 0.05])

@@ -10,14 +10,14 @@ import pytest
 from residual_draws import coloured
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive.modes import drive
 from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts_of_trial
 from mjfish.estimation.residual import Residual, fitted, held_out
-from mjfish.files import write_json
+from mjfish.files.plain_data import plain
+from mjfish.files.writing import write_json
 from mjfish.fish import Fish
-from mjfish.serialise import plain
+from mjfish.numerics.arrays import FloatArray, readonly
 
 TIME = np.arange(521) / 50.0
 

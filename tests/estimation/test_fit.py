@@ -10,14 +10,14 @@ from pike_coefficients import COEFFICIENTS
 from scipy import stats
 from synthetic_swimming import SIGMA, TRUTH, off_truth, problem, swimming
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.settings import Loss
 from mjfish.execution import executing
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
-from mjfish.sized_cache import Remade
+from mjfish.numerics.arrays import readonly
+from mjfish.numerics.sized_cache import Remade
+from mjfish.parameters import Parameter
 
 
 @pytest.fixture(scope="module")

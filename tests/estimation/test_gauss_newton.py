@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from mjfish.arrays import FloatArray
-from mjfish.block_angular import BlockAngular
 from mjfish.estimation.fit import LOSSES, Minimum, minimise
 from mjfish.estimation.settings import Loss
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import BlockAngular
 
 Function = Callable[[FloatArray], FloatArray]
 

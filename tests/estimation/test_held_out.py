@@ -10,7 +10,6 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, shifted, swimming
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Problem, Score, fit, held_out_covariance_root, identify, predict_held_out
 from mjfish.estimation.problem import nuisances
@@ -18,6 +17,7 @@ from mjfish.estimation.residual import PREFIX, channel_errors
 from mjfish.estimation.settings import Settings
 from mjfish.fish import Fish
 from mjfish.model import MARGIN, Prediction
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,13 @@ import pytest
 from changed_fit import having
 from synthetic_swimming import problem, swimming
 
-from mjfish.arrays import FloatArray
-from mjfish.block_angular import BlockAngular
 from mjfish.estimation import Fit, fit
 from mjfish.estimation.fit import covariance
 from mjfish.estimation.identifiability import weaknesses
+from mjfish.files.plain_data import plain
 from mjfish.fish import Fish
-from mjfish.serialise import plain
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import BlockAngular
 
 
 @pytest.fixture(scope="module")

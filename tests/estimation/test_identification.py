@@ -11,7 +11,6 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, off_truth, swimming
 
-from mjfish.arrays import readonly
 from mjfish.cli import console
 from mjfish.cli.identify import _coefficients
 from mjfish.data import Dataset, Trial
@@ -19,9 +18,10 @@ from mjfish.estimation import Identification, identify
 from mjfish.estimation.identification import origin
 from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.settings import Settings
-from mjfish.files import write_json
+from mjfish.files.writing import write_json
 from mjfish.fish import Fish
 from mjfish.formats import number
+from mjfish.numerics.arrays import readonly
 
 
 @pytest.fixture(scope="module")

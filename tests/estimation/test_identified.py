@@ -19,7 +19,6 @@ from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import problem, swimming
 
 import mjfish
-from mjfish import fish_toml
 from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, fit
@@ -28,9 +27,9 @@ from mjfish.estimation.identification import Identification, identified_fish, or
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_rows
-from mjfish.fish import Fish, load_fish
+from mjfish.files.plain_data import plain
+from mjfish.fish import Fish, fish_toml, load_fish
 from mjfish.mujoco import export
-from mjfish.serialise import plain
 
 FIXED = {"c_m.head": 0.5}
 

@@ -106,7 +106,7 @@ def test_a_prediction_without_numbers_and_without_a_word_is_told_as_one(monkeypa
 
 
 #: Those that every identification has, for the fast tests.
-_MODULES = ("mjfish.estimation.fit", "mjfish.block_angular", "mjfish.estimation.stability")
+_MODULES = ("mjfish.estimation.fit", "mjfish.numerics.block_angular", "mjfish.estimation.stability")
 FEW = [call for call in CALLS if call[0] in _MODULES]
 
 

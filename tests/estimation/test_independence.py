@@ -13,15 +13,15 @@ from residual_draws import Draws, at, draws
 from scipy import stats
 from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 
-from mjfish.arrays import FloatArray
 from mjfish.effects import find
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.identification import pose
 from mjfish.estimation.residual_tests import LAG, CrossCorrelation, independence, lagged, residual_tests, series_of
 from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.estimation.serial_correlation import serial_blocks
+from mjfish.files.plain_data import plain
 from mjfish.fish import Fish
-from mjfish.serialise import plain
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 #: Share of a strong effect, where a third leaves little behind the coefficients in two short runs.

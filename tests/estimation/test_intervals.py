@@ -10,10 +10,10 @@ from changed_fit import having
 from noise_draws import Draws, draws
 from synthetic_swimming import problem, swimming
 
-from mjfish.block_angular import BlockAngular
 from mjfish.estimation import fit
 from mjfish.estimation.intervals import intervals
 from mjfish.fish import Fish
+from mjfish.numerics.block_angular import BlockAngular
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from noise_draws import Draws, draws
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation.intervals import intervals
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 COUNT = 200
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import Sensor
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.estimation import sensor_noise
 from mjfish.estimation.sensor_noise import HEAD, JOINT, Along, JointErrors
 from mjfish.noise.kalman import filtered_states, whitened
+from mjfish.numerics.arrays import FloatArray
 
 STEP, SAMPLES, SIGMA = 0.04, 40, 0.01
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from synthetic_swimming import as_measured, problem, swimming
 
-from mjfish.block_angular import BlockAngular
 from mjfish.estimation.fit import fit
 from mjfish.fish import Fish
+from mjfish.numerics.block_angular import BlockAngular
 
 
 def test_steps_by_lsmr_find_the_optimum_of_exact_ones(pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:

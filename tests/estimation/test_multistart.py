@@ -10,7 +10,6 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import TRUTH, off_truth, problem, swimming
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation.fit import fit, hypercube, multistart
@@ -18,6 +17,7 @@ from mjfish.estimation.identification import identify
 from mjfish.estimation.settings import Settings
 from mjfish.execution import executing
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import readonly
 
 #: The package exports its function `fit` under the name of the module.
 MODULE = importlib.import_module("mjfish.estimation.fit")

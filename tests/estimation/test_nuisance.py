@@ -12,7 +12,7 @@ from synthetic_swimming import SIGMA, as_measured, off_truth, problem, shifted, 
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, fit
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 
 RATE = 100.0
 OFFSETS = {"v1": 3, "v3": 0, "v5": 6}

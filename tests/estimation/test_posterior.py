@@ -10,7 +10,6 @@ from changed_fit import having
 from synthetic_swimming import TRUTH, problem, swimming
 
 from mjfish import sample
-from mjfish.block_angular import BlockAngular
 from mjfish.effects import find
 from mjfish.estimation import Identification, fit, identify
 from mjfish.estimation.intervals import posterior as posterior_of
@@ -19,6 +18,7 @@ from mjfish.estimation.stability import scatter
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
+from mjfish.numerics.block_angular import BlockAngular
 
 
 @pytest.fixture(scope="module")

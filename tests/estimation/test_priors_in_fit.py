@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from linear_problem import Linear, linear, names
 
-from mjfish.arrays import FloatArray
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import Fish
 from mjfish.model import Model
-from mjfish.prior import Prior, about, smooth_curve
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters.prior import Prior, about, smooth_curve
 
 COUNT = 6
 

@@ -10,16 +10,16 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import catalogue
 from mjfish.estimation import Problem
 from mjfish.estimation.problem import nuisances
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import MARGIN, Model
 from mjfish.noise import Autoregressive
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from synthetic_swimming import as_measured, problem, swimming
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.intervals import Intervals, Profile, intervals, profile
+from mjfish.files.plain_data import plain
 from mjfish.fish import Fish
-from mjfish.serialise import plain
 
 CHI = float(stats.chi2.ppf(0.95, 1))
 

@@ -14,12 +14,12 @@ from pike_coefficients import COEFFICIENTS
 from scipy import stats
 from synthetic_swimming import SIGMA
 
-from mjfish.arrays import readonly
 from mjfish.drive import modes
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.fit import Z95
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 #: Coefficients in the order of `COEFFICIENTS`: c_m, c_d, c_f of head, body, tail.

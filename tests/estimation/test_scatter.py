@@ -10,10 +10,10 @@ import pytest
 from noise_draws import INSIDE, Draws, draws
 from synthetic_swimming import problem, swimming
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.stability import Reduced, _deviations, scatter
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 MODES = ("v1", "v3", "v5")
 

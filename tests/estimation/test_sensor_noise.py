@@ -9,9 +9,9 @@ import pytest
 from synthetic_swimming import problem, swimming
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.estimation import Score, predict_held_out, sensor_noise
 from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
+from mjfish.numerics.arrays import FloatArray
 
 
 def test_runs_that_begin_with_a_wrong_heading_are_whitened_as_the_true_ones() -> None:

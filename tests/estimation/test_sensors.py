@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Sensor
 from mjfish.data.sensor import CHANNELS_OF, Kind
 from mjfish.errors import InputError
@@ -17,7 +16,8 @@ from mjfish.estimation.fit import fit
 from mjfish.estimation.identification import Identification, pose
 from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.residual import held_out
-from mjfish.known import Beforehand
+from mjfish.fish.parameter_priors import Beforehand
+from mjfish.numerics.arrays import FloatArray
 
 TRUTH = {"c_d.head": 1.7, "c_d.body": 1.4, "c_d.tail": 1.3}
 DURATION = 6.4

@@ -10,12 +10,12 @@ import pytest
 from scipy import linalg
 from synthetic_swimming import problem, swimming
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.block_angular import Basis
 from mjfish.estimation import fit
 from mjfish.estimation.serial_correlation import Block, blocks_of, satterthwaite, serial
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.block_angular import Basis
 
 #: Samples that channel 1 is behind channel 0.
 _LATE = 3

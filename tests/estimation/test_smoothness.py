@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from linear_problem import Linear, linear, names
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation import fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom, learned_sds, smoothed
-from mjfish.prior import Prior, about, smooth_curve
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters.prior import Prior, about, smooth_curve
 
 COUNT, DRAWS = 12, 20
 

@@ -14,8 +14,8 @@ from synthetic_swimming import as_measured, problem, swimming
 from mjfish.data import Trial
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.stability import stability
+from mjfish.files.plain_data import plain
 from mjfish.fish import Fish
-from mjfish.serialise import plain
 
 MODES = ("v1", "v3", "v5")
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.drive.wave import Wave
 from mjfish.estimation import identify
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 

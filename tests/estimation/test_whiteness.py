@@ -8,12 +8,12 @@ from residual_draws import coloured
 from scipy import stats
 from synthetic_swimming import SIGMA
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.estimation.residual_tests import Autocorrelation, Series, whiteness
 from mjfish.estimation.serial_correlation import Block
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.noise import Autoregressive
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 def _series(error: FloatArray, name: str = "v1") -> list[Series]:

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.errors import UnknownNameError
 from mjfish.fish import Fish, load_fish
+from mjfish.fish.outline import section_at
 from mjfish.hydro.force import added_mass, drag, gyroscopic, partial_moments
 from mjfish.hydro.link import link_records
-from mjfish.hydro.outline import section_at
+from mjfish.numerics.arrays import FloatArray, RecordArray
 
 PIKE = load_fish("pike")
 STARTS = np.concatenate([[0.0], np.cumsum([link.length for link in PIKE.links])])

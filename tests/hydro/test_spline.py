@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.hydro.spline import spline, spline_slope, spline_weights
+from mjfish.numerics.arrays import FloatArray
 
 COUNTS = (2, 3, 7)
 over_counts = pytest.mark.parametrize("count", COUNTS)

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive.wave import Wave, joint_motion
 from mjfish.fish import load_fish
+from mjfish.numerics.arrays import FloatArray
 
 RATE = 60.0
 #: Stations of the nine markers of fishsim [m], the links they sit on, and their heights [m].

@@ -19,11 +19,11 @@ from mcap.writer import Writer as RawWriter
 from mcap_ros2.writer import Writer
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, load_dataset, save
 from mjfish.data.importers import FileReport, bag_messages, import_files
 from mjfish.data.importers.bags import read_bag
 from mjfish.errors import MjfishError
+from mjfish.numerics.arrays import FloatArray
 
 RULE = "=" * 80
 TIME = "int32 sec\nuint32 nanosec"

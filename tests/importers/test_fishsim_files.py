@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from filmed_swimming import Swim
 
-from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.numerics.arrays import FloatArray
 
 Lines = list[str]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from filmed_swimming import Swim
 
-from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.data.importers import FileReport, markers
 from mjfish.data.importers.mapping import MarkersMap, layout, read_mapping
 from mjfish.data.importers.trials import nose_velocities
 from mjfish.errors import InputError
 from mjfish.fish import load_fish
+from mjfish.numerics.arrays import FloatArray
 
 #: Seen from above, where the heights of the markers do not show; and as the real camera saw its fish.
 ABOVE = Swim()

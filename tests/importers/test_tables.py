@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from mjfish import data as trial
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial, importers
 from mjfish.errors import InputError, MjfishError
+from mjfish.numerics.arrays import FloatArray
 
 RATE = 50.0
 BEAT = 0.9

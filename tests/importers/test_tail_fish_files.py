@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.data.importers import import_files
 from mjfish.drive.wave import Wave
@@ -17,6 +16,7 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: As a user gives it.
 IMPORTER = Path(__file__).parents[2] / "tools" / "importers" / "tail_fish.py"

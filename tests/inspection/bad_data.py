@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from true_values import TRUTH
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, Inspection
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 MODES = ("v1", "v3", "v5", "v1-t1", "v3-t2", "v1")

@@ -9,7 +9,6 @@ import pytest
 from bad_data import SIGMA, good, only, remarked, spoiled, wrong
 from true_values import TRUTH
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.effects import catalogue
 from mjfish.estimation import Noise, Problem, fit
@@ -17,6 +16,7 @@ from mjfish.estimation.nominal import nominal_problem
 from mjfish.inspection import Inspection, inspect_fit
 from mjfish.model import Model
 from mjfish.noise import DifferentiationNoise
+from mjfish.numerics.arrays import readonly
 from mjfish.simulation.synthetic import generate
 
 

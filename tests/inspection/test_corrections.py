@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from bad_data import SIGMA, good, rows, spoiled, velocity
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis.compared import weighed
@@ -17,6 +16,7 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.inspection import Finding, inspect, inspect_fit
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 
 def _swapped() -> Dataset:

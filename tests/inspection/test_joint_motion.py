@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from bad_data import good
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.inspection import inspect
 from mjfish.inspection.samples import interpolated, unresolved
+from mjfish.numerics.arrays import FloatArray, readonly
 
 TIME = np.arange(0.0, 8.0, 0.02)
 FREQUENCY = 2.0

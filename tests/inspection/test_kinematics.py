@@ -12,12 +12,11 @@ from bad_data import SIGMA, good, only, remarked, spoiled, velocity, with_pose, 
 from scipy import signal
 from true_values import TRUTH
 
-from mjfish import frames
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
-from mjfish.fish import load_fish
+from mjfish.fish import frames, load_fish
 from mjfish.inspection import Compatibility, compatibility, inspect
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 def _compared(dataset: Dataset) -> Compatibility:

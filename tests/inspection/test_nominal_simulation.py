@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from bad_data import good, only, rows, spoiled, velocity, wrong
 
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.inspection import EVERYTHING, Inspection, inspect
 from mjfish.inspection.nominal_simulation import sampled_enough, time_factor
 from mjfish.model import Model
+from mjfish.numerics.arrays import readonly
 
 
 def test_good_data_are_not_complained_of() -> None:

@@ -15,16 +15,16 @@ import pytest
 from bad_data import only, wrong
 
 import mjfish
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.data.importers.mapping import PosesMap
 from mjfish.data.importers.tables import import_mapped
 from mjfish.drive.wave import Wave
 from mjfish.effects import find
+from mjfish.files import tomlfile
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, inspect
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import Joints
 
 MODES = ("v1", "v3-t1", "v5", "v3-t2")

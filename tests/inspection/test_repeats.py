@@ -9,9 +9,9 @@ import pytest
 from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
 from scipy import signal
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.inspection import inspect, noise_from_repeats
+from mjfish.numerics.arrays import FloatArray, readonly
 
 
 def _repeated(phi: float, count: int = 4) -> Dataset:

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from bad_data import good, wrong
 
-from mjfish.arrays import readonly
 from mjfish.data import Dataset
 from mjfish.drive.wave import Wave
 from mjfish.effects import catalogue
 from mjfish.inspection import EVERYTHING, Finding, Inspection, inspect
 from mjfish.inspection.runs import beats, missing_runs
+from mjfish.numerics.arrays import readonly
 
 
 def _said(dataset: Dataset) -> dict[str, Finding]:

@@ -9,10 +9,10 @@ import pytest
 from bad_data import good, only, remarked, spoiled, velocity, wrong
 from true_values import TRUTH
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.inspection import Inspection, inspect
 from mjfish.inspection.samples import interpolated, outliers, stuck
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 #: Digits of a copy to the last bit.

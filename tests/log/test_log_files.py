@@ -14,10 +14,9 @@ from diagnosed import diagnosis
 from logs import column, entities, text
 from rerun.chunk import RrdReader
 
-from mjfish import frames
 from mjfish.errors import InputError, MjfishError
-from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish import Fish, frames
+from mjfish.fish.frames import CHANNELS
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log import Run, Swim, view, write_log, write_runs
 from mjfish.simulation import simulate

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from diagnosed import SIGMA, diagnosis
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Tank
 from mjfish.diagnosis import Diagnosis, Estimate
 from mjfish.diagnosis.result import Verdict
@@ -18,6 +17,7 @@ from mjfish.estimation import identify
 from mjfish.estimation.settings import Settings
 from mjfish.fish import Fish
 from mjfish.inspection import Inspection
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log import Run, Swim, results, write_log
 from mjfish.simulation import generate

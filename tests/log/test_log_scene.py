@@ -7,7 +7,7 @@ import pytest
 
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
-from mjfish.hydro.outline import section_at
+from mjfish.fish.outline import section_at
 from mjfish.ode.forces import link_forces
 from mjfish.reporting.log.body import link_mesh, link_poses, normals
 from mjfish.reporting.log.drawing import arrow_scale, camera_path, drawn

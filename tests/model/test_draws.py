@@ -12,13 +12,13 @@ import pytest
 from scipy import stats
 
 from mjfish import sample, simulate
-from mjfish.arrays import FloatArray
 from mjfish.effects import find
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.files import write_json
+from mjfish.files.writing import write_json
 from mjfish.fish import Fish
 from mjfish.model import Model, extended
 from mjfish.model.posterior import Posterior, truncated_normal, write_draws
+from mjfish.numerics.arrays import FloatArray
 
 LAG = "servo_lag.time_constant"
 WIDE = (np.full(9, -50.0), np.full(9, 50.0))

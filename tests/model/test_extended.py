@@ -11,13 +11,12 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 
 from mjfish import fish as fishes
-from mjfish import fish_toml
 from mjfish import simulation as crosscheck
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import Fish, load_fish
+from mjfish.fish import Fish, fish_toml, load_fish
 from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
 from mjfish.mujoco import SimRollout, simulate

@@ -9,7 +9,6 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
-from mjfish.arrays import readonly
 from mjfish.data import Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
@@ -17,6 +16,7 @@ from mjfish.effects import find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.model import LEAD, Model, asked_motion
+from mjfish.numerics.arrays import readonly
 
 DRIVE = (DriveSegment(0.0, 18.0, (0.0,) * 4), DriveSegment(1.2, 22.0, (0.0, 1.0, 1.5, 2.0)))
 TIME = np.arange(101) / 50.0

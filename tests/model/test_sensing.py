@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import mjfish
-from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.data.sensor import CHANNELS_OF, Kind
 from mjfish.effects import find
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS, to_world
+from mjfish.fish.frames import CHANNELS, to_world
 from mjfish.model import Model, with_sensors
 from mjfish.model.model import LEAD
+from mjfish.numerics.arrays import FloatArray
 
 POSE = np.array([0.3, -0.2, 0.7])
 LATE = {"imu": 0.0013, "tag": -0.002}

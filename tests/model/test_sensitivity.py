@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, find
@@ -19,7 +18,8 @@ from mjfish.fish import Fish
 from mjfish.hydro.load import load
 from mjfish.model import Model
 from mjfish.model.sensitivity import one_sided, sensitivities
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray
+from mjfish.parameters import Parameter
 
 #: Away from every bound; the Munk moment and a bent drag in the water.
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))

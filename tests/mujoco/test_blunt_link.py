@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from wet_models import PLATE_LINK, PUSHES, TREE, compiled, skip_without_fourth_order, stirred, tree_links, with_custom
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.hydro.blunt_force import ellipsoid_added_mass, ellipsoid_turning
 from mjfish.mujoco import BluntLink, StripFluid, StripLink
 from mjfish.mujoco.block import records
+from mjfish.numerics.arrays import FloatArray
 from proofs import reference
 
 _RHO = 1000.0

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from wet_models import PUSHES, TREE, compiled, full_state, stirred, tree, tree_links
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.mujoco import StripFluid
 from mjfish.mujoco.strip_link import COEFFICIENTS
+from mjfish.numerics.arrays import FloatArray
 
 _OTHER: dict[str, Any] = {
     "c_m": [0.7, 1.3],

@@ -8,11 +8,11 @@ import pytest
 from pike_coefficients import COEFFICIENTS
 from wet_models import TREE, compiled, stirred, tree_links
 
-from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
 from mjfish.hydro.link import link_records
 from mjfish.mujoco import StripFluid, mjcf
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import reference as slow
 
 _SEED = 11

@@ -12,9 +12,9 @@ from doc_blocks import ROOT, module
 from scipy.integrate import simpson
 
 from mjfish import StripFluid
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 
 _PLATE = ROOT / "models" / "xml" / "towed_plate.xml"
 _RHO, _LENGTH, _HEIGHT = 1000.0, 0.3, 0.2

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from wet_models import PLATE, PLATE_LINK, TREE, full_state, stirred, tree_links
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.hydro.load import Load, load, memory_of
 from mjfish.mujoco import StripFluid
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.memory import PREFIX, make_room
+from mjfish.numerics.arrays import FloatArray
 from proofs import reference
 
 TAU = 0.05

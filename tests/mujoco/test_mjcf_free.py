@@ -11,14 +11,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mjfish import fish as fishes
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
 from mjfish.fish import Fish, load_fish
-from mjfish.hydro.outline import section_at
+from mjfish.fish.outline import section_at
 from mjfish.mujoco import StripFluid, Trim, mjcf, simulate
 from mjfish.mujoco.rollout import euler_angles, yaw_rate
+from mjfish.numerics.arrays import FloatArray
 
 #: Only looks decide these.
 _LOOKS = {"body_geomadr", "body_geomnum", "dof_length"}

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.errors import InputError
@@ -17,6 +16,7 @@ from mjfish.fish import Fish, Servo
 from mjfish.mujoco import mjcf, simulate
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.mjcf import Integrator
+from mjfish.numerics.arrays import FloatArray
 
 
 def _command(fish: Fish, mode: str, duration: float, step: float) -> JointMotion:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from gl import TETRAHEDRON, skip_without_gl
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.mujoco.offscreen import Camera, Stage, Strokes
+from mjfish.numerics.arrays import FloatArray
 
 RED, GREEN = (230, 30, 30, 255), (30, 230, 30, 255)
 SIZE = 120

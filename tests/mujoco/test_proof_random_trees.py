@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import parts, reference
 from proofs.dense_equation import dried, state_of
 from proofs.derivation import motion_of

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from wet_models import full_state, stirred, tree
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco import StripFluid
+from mjfish.numerics.arrays import FloatArray
 
 _STEPS = 60
 _FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS

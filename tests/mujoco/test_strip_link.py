@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from wet_models import PLATE, PLATE_LINK, TREE, compiled, with_custom
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.hydro.load import load
 from mjfish.mujoco import StripFluid, StripLink
 from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.numerics.arrays import FloatArray
 
 _FULL = {
     "body": "trunk",

@@ -15,7 +15,7 @@ from doc_blocks import ROOT, module
 from mujoco import sysid
 
 from mjfish import StripFluid
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 
 
 def test_the_extra_is_whole() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.data import importers
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import mjcf, prescribed, simulate
+from mjfish.numerics.arrays import FloatArray
 
 #: What only the geoms, there for looks, decide.
 _LOOKS = {"body_geomadr", "body_geomnum", "dof_length"}

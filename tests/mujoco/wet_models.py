@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray
 from mjfish.hydro.load import load
 from mjfish.mujoco import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.numerics.arrays import FloatArray
 
 #: Of MuJoCo's RK4 where a body turns in space; `test_supported` shows it without any water.
 RK4_ORDER = 4.0 if int(mujoco.__version__.split(".")[0]) >= 4 else 2.0

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.noise import Autoregressive, Noise, estimate
 from mjfish.noise.autoregressive import MAX_ORDER
+from mjfish.numerics.arrays import FloatArray, readonly
 
 SIGMA = np.array([0.01, 0.02, 0.05])
 PHI = np.array([[0.6, -0.3], [1.2, -0.5], [0.9, 0.0]])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis import diagnose
 from mjfish.drive.measured import joint_motion, smoothing
@@ -17,6 +16,7 @@ from mjfish.estimation.noise_of_fit import JointErrors, joint_errors
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.noise import ErrorsInVariables
+from mjfish.numerics.arrays import FloatArray
 
 SIGMA = np.array([0.004, 0.004, 0.025])
 TIME = np.arange(200) / 50.0

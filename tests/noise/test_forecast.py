@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.errors import InputError
 from mjfish.noise import Autoregressive, Noise
+from mjfish.numerics.arrays import FloatArray, readonly
 
 PHI = np.array([[0.6, -0.3, 0.2], [1.2, -0.5, 0.0], [0.9, 0.0, 0.0]])
 SIGMA = np.array([0.01, 0.02, 0.05])

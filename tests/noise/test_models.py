@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.diagnosis.evidence import signatures
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem
@@ -33,8 +32,9 @@ from mjfish.noise import (
 )
 from mjfish.noise.differentiation import sharpened
 from mjfish.noise.sample import remaining_power
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.sized_cache import always
 from mjfish.simulation.synthetic import generate
-from mjfish.sized_cache import always
 
 SIGMA = readonly([0.01, 0.02, 0.05])
 STEP = 0.02

@@ -11,6 +11,7 @@ from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.noise_of_fit import JointErrors, restore, state_jacobians
+from mjfish.files.plain_data import plain
 from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.noise import (
@@ -21,7 +22,6 @@ from mjfish.noise import (
     NoiseByRate,
     ProcessNoise,
 )
-from mjfish.serialise import plain
 
 SIGMA = np.array([0.01, 0.02, 0.05])
 PHI = np.array([[0.5, 0.1], [0.2, 0.0], [-0.3, 0.1]])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
+from mjfish.numerics.arrays import FloatArray
 
 LAGS = np.array([0.0, 1.2, 2.4, 3.6])
 AMPLITUDES = np.array([0.15, 0.25, 0.35, 0.45])

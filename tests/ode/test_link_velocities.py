@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from joint_motions import waving
 
-from mjfish import frames, ode
-from mjfish.fish import Fish
+from mjfish import ode
+from mjfish.fish import Fish, frames
 from mjfish.ode.kinematics import link_velocities
 
 START = np.array([0.4, 0.1, -0.5])

@@ -7,12 +7,12 @@ import pytest
 from joint_motions import still, waving
 from referee import Referee
 
-from mjfish import frames, ode
-from mjfish.arrays import FloatArray
+from mjfish import ode
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.motion import JointMotion
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.numerics.arrays import FloatArray
 
 IDEAL = {f"{kind}.{group}": 0.0 for kind in ("c_d", "c_f") for group in ("head", "body", "tail")}
 INERTIA = {"c_m.head": 0.8, "c_m.body": 1.2, "c_m.tail": 1.0}

@@ -7,12 +7,12 @@ import pytest
 from joint_motions import LAGS, waving
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.ode.rollout import Rollout
 

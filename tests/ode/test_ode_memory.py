@@ -10,12 +10,12 @@ from joint_motions import still, waving
 from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.errors import ParameterError
 from mjfish.fish import Fish
 from mjfish.hydro.link import NUMBERS, column, numbers_of
 from mjfish.hydro.load import PARAMETERS, load
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import link_forces
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents

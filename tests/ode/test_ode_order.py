@@ -7,10 +7,10 @@ import pytest
 from joint_motions import waving
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 
 HALVINGS = 4
 

@@ -7,10 +7,10 @@ import pytest
 from joint_motions import waving
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.load import ANSWER, load_rows
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.equation import STATES, Joints, derivative
 from mjfish.ode.rollout import system_of
 

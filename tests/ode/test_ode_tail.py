@@ -7,10 +7,10 @@ import pytest
 from joint_motions import still, waving
 from referee import Referee
 
-from mjfish import frames, ode
-from mjfish.arrays import FloatArray
+from mjfish import ode
 from mjfish.drive import cpg, modes
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import Rollout
 
 START = np.array([0.5, -0.2, 0.6])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation import CASES, Case
 
 #: At 1 ms the error of the step is below 1e-6; at the default 5 ms it is seen (docs/theory.md).

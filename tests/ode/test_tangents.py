@@ -9,10 +9,10 @@ from joint_motions import waving
 from pike_coefficients import COEFFICIENTS
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column, numbers_of
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.equation import TAIL
 from mjfish.ode.rollout import Conditions
 from mjfish.ode.tangents import Direction, simulate_tangents

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mjfish.arrays import readonly
 from mjfish.errors import InputError
 from mjfish.estimation import Noise, fit
 from mjfish.estimation.identification import pose
@@ -18,6 +17,7 @@ from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.fish import Fish
 from mjfish.formats import p_value
+from mjfish.numerics.arrays import readonly
 from mjfish.reporting.html.figures import autocorrelation_figure, cross_correlation_figure, residual_figure
 from mjfish.reporting.html.identification import write_identification_figures
 from mjfish.reporting.html.pages import Section, write_figures

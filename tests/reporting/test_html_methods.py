@@ -11,9 +11,9 @@ from diagnosed import SIGMA, diagnosis, learned_diagnosis
 
 from mjfish import noise
 from mjfish.diagnosis import Diagnosis
+from mjfish.files.plain_data import plain
 from mjfish.noise import Autoregressive, GaussMarkov
 from mjfish.reporting.html.methods import NOISE_WORDS, REFERENCES, methods, noise_words
-from mjfish.serialise import plain
 
 
 def _text(found: Diagnosis) -> str:

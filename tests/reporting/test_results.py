@@ -18,7 +18,7 @@ from mjfish.data import Dataset
 from mjfish.design import Option, Pair, Plan, Question
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.inspection import Inspection
 from mjfish.simulation import CrossCheck, Level
 

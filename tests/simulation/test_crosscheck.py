@@ -17,7 +17,7 @@ from mjfish.fish import Fish
 from mjfish.hydro.load import load
 from mjfish.model import Model
 from mjfish.model.extended import Extended
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 @pytest.mark.parametrize("mode", [pytest.param("v5-v1", marks=pytest.mark.slow), "v3-t2"])

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset, load_dataset, save
 from mjfish.drive import modes
 from mjfish.effects import find
 from mjfish.errors import InputError, MjfishError, UnknownNameError
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from mjfish.simulation.synthetic import generate
 
 SIGMA = np.array([0.01, 0.02, 0.05])

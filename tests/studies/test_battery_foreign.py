@@ -72,7 +72,7 @@ def test_the_solver_is_not_in_the_foreign_forms() -> None:
         assert module.__file__ is not None
         text = Path(module.__file__).read_text(encoding="utf-8")
         imports = [row for row in text.splitlines() if row.startswith(("from", "import")) and "mjfish" in row]
-        assert set(imports) <= {"from mjfish.arrays import FloatArray"}
+        assert set(imports) <= {"from mjfish.numerics.arrays import FloatArray"}
 
 
 @pytest.mark.parametrize("motion", MOTIONS)

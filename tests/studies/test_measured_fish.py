@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from diagnosed import diagnosis
 
-from mjfish import tomlfile
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Candidate, Split, SplitMechanism, Splits
 from mjfish.diagnosis.table import Comparison, Table
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.files import tomlfile
 from studies.markdown import table
 from studies.measured_fish import __main__ as command
 from studies.measured_fish import causes, page, pictures, runs

@@ -11,6 +11,13 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "tools" / "studies"
 #: Modules of packages whose ``__init__`` imports nothing, to be light; every name in them without underscore is public.
 MODULES = {
+    "mjfish.errors",
+    "mjfish.files.tomlfile",
+    "mjfish.files.plain_data",
+    "mjfish.files.writing",
+    "mjfish.fish.frames",
+    "mjfish.fish.outline",
+    "mjfish.numerics.arrays",
     "mjfish.drive.cpg",
     "mjfish.drive.measured",
     "mjfish.drive.modes",
@@ -20,14 +27,14 @@ MODULES = {
 
 
 def _is_public(module: str, name: str) -> bool:
-    """Return whether a package exports a name; all names of the single modules below `mjfish` are public."""
+    """Return whether a package exports a name."""
     if name.startswith("_"):
         return False
     found = importlib.import_module(module)
     if module == "mjfish" or hasattr(found, "__path__"):
         below = f"{module}.{name}"
-        return name in getattr(found, "__all__", ()) or below in MODULES or below == "mjfish.tomlfile"
-    return module.count(".") == 1 or module in MODULES
+        return name in getattr(found, "__all__", ()) or below in MODULES or module in MODULES
+    return module in MODULES
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.py")), ids=lambda path: str(path.relative_to(FOLDER)))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
 
-from mjfish.arrays import FloatArray
 from mjfish.drive import modes
 from mjfish.drive.cpg import joint_motion
 from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from studies.table_iv import compare_paper, sentences, study
 from studies.table_iv.causes import FinHeight, HeadInertia, PsiUnit, SoftStart
 from studies.table_iv.misfit import RangeProblem

@@ -12,7 +12,7 @@ from gallery import figures
 from gallery.swims import curves, swim
 from mjfish.effects import Effect, catalogue
 from mjfish.effects.mechanism import MECHANISMS, Mechanism
-from mjfish.files import make_folder, write_text
+from mjfish.files.writing import make_folder, write_text
 
 _DOMAINS = {
     "data": "The data",

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Tank, Trial
 from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.refit_result import Refit
@@ -17,7 +16,8 @@ from mjfish.estimation import Noise, fit
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.fish import load_fish
 from mjfish.model import Model
-from mjfish.parameter import Parameter
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.parameters import Parameter
 
 #: Two speeds of the beat, and a turn: the runs in which causes are shown.
 MODES = ("v1", "v3", "v1-t1")

@@ -26,8 +26,6 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from mjfish import bounded, tomlfile
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.cells import LARGEST
 from mjfish.data.dataset_toml import GaussianTable, filter_of
@@ -37,9 +35,11 @@ from mjfish.data.importers.tables import increasing, velocity_report
 from mjfish.data.importers.trials import assign_roles, check_distinct
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
+from mjfish.files import size_limited, tomlfile
+from mjfish.files.tomlfile import Table
 from mjfish.fish import load_fish
-from mjfish.known import Beforehand
-from mjfish.tomlfile import Table
+from mjfish.fish.parameter_priors import Beforehand
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Amplitude and bias [deg] in the name of a file.
 _NAME = re.compile(r"Amp(?P<amplitude>\d+)Bias(?P<bias>-?\d+)")
@@ -148,7 +148,7 @@ def _read(path: Path) -> FloatArray:
         InputError: it cannot be read, or is no such table.
     """
     try:
-        text = bounded.read_text(path, bounded.TABLE, "give the text file of a run", rows=True)
+        text = size_limited.read_text(path, size_limited.TABLE, "give the text file of a run", rows=True)
         if not text.strip():
             raise ValueError("no rows")
         table = np.loadtxt(text.split("\n"), ndmin=2, comments=None)

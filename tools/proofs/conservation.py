@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import parts
 from proofs.dense_equation import dried
 from proofs.derivation import motion_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from proofs import parts, trees
 from proofs.dense_equation import equation
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.numerics.arrays import FloatArray
 from proofs import reference
 
 

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.hydro.force import crossflow
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.block import records
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.strip_link import StripLink
+from mjfish.numerics.arrays import FloatArray, RecordArray
 from proofs import parts, trees
 from proofs.dense_equation import dried, state_of
 from proofs.slices import Motion, Strips, drag_wrench, inertial_wrench, strips

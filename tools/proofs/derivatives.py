@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import integrator_steps, parts, trees
 from proofs.dense_equation import equation
 

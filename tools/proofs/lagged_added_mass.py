@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.block import numbers_of, unpack
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import parts, reference, trees
 from proofs.dense_equation import dried, equation
 

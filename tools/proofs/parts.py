@@ -10,9 +10,9 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco import StripFluid, mjcf
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import reference
 
 Joint = Literal["free", "ball", "hinge", "slide", "none"]

@@ -9,12 +9,12 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from mjfish.arrays import FloatArray, RecordArray
 from mjfish.hydro.blunt_force import blunt_drag
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
 from mjfish.mujoco.dense_inertia import axes_of, inertia, inertia_of, jacobian_of, origin_of
+from mjfish.numerics.arrays import FloatArray, RecordArray
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import integrate
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 #: Sixth-order central difference.

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.coupling_choice import Coupling
+from mjfish.numerics.arrays import FloatArray
 from proofs import parts, trees
 from proofs.parts import Part
 

@@ -17,10 +17,10 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from mjfish.arrays import FloatArray
 from mjfish.data.cells import LARGEST
 from mjfish.data.importers.unknown import describe, is_bag
 from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.numerics.arrays import FloatArray
 
 _YAW = "yaw"
 #: Messages that are read of a bag, and rows that they may stand for.

@@ -19,8 +19,6 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.data.importers.bag_messages import MOST, Messages, read_messages, topics
 from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
@@ -29,6 +27,8 @@ from mjfish.data.importers.tables import Columns, import_tables
 from mjfish.data.importers.unknown import bag_example
 from mjfish.data.validation import GAP
 from mjfish.errors import InputError
+from mjfish.files import tomlfile
+from mjfish.numerics.arrays import FloatArray, readonly
 
 _KINDS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
 #: Neighbours farther apart than so many median steps of their topic have nothing in between.

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.arrays import BoolArray, FloatArray
 from mjfish.data.importers.smoothing import IntArray, Linearised
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 ComplexArray = NDArray[np.complex128]
 

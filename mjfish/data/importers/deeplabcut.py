@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.data.dialect import recognise
 from mjfish.data.importers.mapping import MarkersMap
@@ -22,6 +21,7 @@ from mjfish.data.importers.markers import import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.numerics.arrays import FloatArray
 
 _HEADS = ("scorer", "bodyparts", "coords")
 _COORDINATES = ("x", "y", "likelihood")

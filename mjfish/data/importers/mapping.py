@@ -13,16 +13,16 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
 from mjfish.data.dialect import Dialect
 from mjfish.data.read import wave_of
 from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located
+from mjfish.files import tomlfile
+from mjfish.files.tomlfile import Table
 from mjfish.fish import Fish, load_fish
-from mjfish.tomlfile import Table
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: What one unit is in SI.
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import median_filter
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset
 from mjfish.data.importers.chain import Chain, Marker, Plane
 from mjfish.data.importers.mapping import MarkersMap, fish_of, layout, read_mapping
@@ -31,6 +30,7 @@ from mjfish.data.importers.trials import (
 from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: A point is off where it is this many sigma from where it belongs.
 _OFF = 4.0

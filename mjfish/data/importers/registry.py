@@ -16,7 +16,7 @@ from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_tables
 from mjfish.data.importers.unknown import check_once, check_text, describe
 from mjfish.errors import InputError, UnknownNameError, located
-from mjfish.user_code import user_code
+from mjfish.files.user_code import user_code
 
 
 class Importer(Protocol):

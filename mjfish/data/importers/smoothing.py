@@ -38,8 +38,8 @@ from scipy import linalg
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.errors import InputError
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 _DEGREE = 5
 #: Knots a beat, and the widest and the narrowest distance of knots [s].

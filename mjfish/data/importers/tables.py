@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.arrays import BoolArray, FloatArray, readonly
-from mjfish.block_angular import IntArray
 from mjfish.data import Dataset, Trial
 from mjfish.data.cells import check_increasing
 from mjfish.data.importers.mapping import (
@@ -46,7 +44,9 @@ from mjfish.data.sheet import read_sheet
 from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.block_angular import IntArray
 
 _FEWEST_POSES = 20
 #: Sensors of a pose, and their columns.

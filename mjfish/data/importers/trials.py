@@ -17,13 +17,13 @@ from string import ascii_lowercase
 
 import numpy as np
 
-from mjfish import frames
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Role, Trial
 from mjfish.data.error_modes import principal_modes
 from mjfish.data.importers.report import Cut
 from mjfish.data.importers.smoothing import Fit
 from mjfish.errors import InputError, UnknownNameError
+from mjfish.fish import frames
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: Correlation below which errors count as independent.
 _INDEPENDENT = 0.3

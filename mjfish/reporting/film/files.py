@@ -10,7 +10,7 @@ import imageio.v2 as imageio
 import numpy as np
 from PIL import Image
 
-from mjfish import files
+from mjfish.files import writing
 from mjfish.reporting.film.caption import caption_of, captioned
 from mjfish.reporting.film.shot import Size, frames, still
 from mjfish.reporting.film.stretch import Stretch
@@ -34,8 +34,8 @@ def write(path: Path, stretch: Stretch, progress: Callable[[str, float], None] =
     Raises:
         InputError: another suffix, the file cannot be written, or this machine cannot draw.
     """
-    files.check_suffix(path, *SUFFIXES)
-    with files.whole(path) as partial:
+    writing.check_suffix(path, *SUFFIXES)
+    with writing.whole(path) as partial:
         if path.suffix.lower() == ".png":
             progress("drawing", 0.0)
             instants, picture = still(stretch, _SIZES[".png"])

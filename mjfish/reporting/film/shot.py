@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.offscreen import FIELD, Camera, Stage, Strokes
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.film.stretch import Stretch
 from mjfish.reporting.log.drawing import COLOURS, FORCES, Figure, camera_path, floor_height
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.drawing import Drawing
 
 #: Beats of a stretch that is shown slowly, and of one whose instants stand beside each other.

@@ -7,8 +7,8 @@ from pathlib import Path
 import plotly.graph_objects as go
 
 from mjfish.data import Trial
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.formats import CHANNEL_NAMES
-from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import DataReport
 from mjfish.reporting.html.figures import Panel, panels
 from mjfish.reporting.html.pages import Block, Section, write_figures

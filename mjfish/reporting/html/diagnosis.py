@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from mjfish.diagnosis import DiagnosisData, Estimate, Splits
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
 from mjfish.formats import CHANNEL_NAMES, channel_name
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.candidates import detectable, grouped, possible, remark

@@ -16,15 +16,15 @@ import plotly.graph_objects as go
 import plotly.io
 from plotly.subplots import make_subplots
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Sensor, Trial
 from mjfish.diagnosis import DiagnosisData, Overlay, SensorOverlay
 from mjfish.diagnosis.missing_force import MissingForce
 from mjfish.estimation.intervals import Profile
 from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ALL, Autocorrelation, CrossCorrelation
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.formats import CHANNEL_NAMES, channel_name, p_value, unit
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 
 #: Colours by what they stand for.
 COLOURS = {

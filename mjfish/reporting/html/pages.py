@@ -15,7 +15,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from mjfish import formats
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
 from mjfish.reporting.html.figures import COLOURS
 from mjfish.reporting.html.readings import Reading
 

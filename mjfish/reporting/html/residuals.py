@@ -6,10 +6,10 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis import DiagnosisData, Overlay
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.formats import CHANNEL_NAMES
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 
 #: Bins of one beat, and of the speeds.

@@ -19,8 +19,8 @@ from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.formats import CHANNEL_NAMES
-from mjfish.frames import CHANNELS, UNITS
 from mjfish.inspection import DataReport, Inspection
 from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import plotly.graph_objects as go
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis import DiagnosisData, Overlay
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.formats import CHANNEL_NAMES
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 
 #: Beats that are shown.

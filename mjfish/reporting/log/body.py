@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray
 from mjfish.fish import Fish
-from mjfish.hydro.outline import section_at
+from mjfish.fish.outline import section_at
 from mjfish.mujoco.offscreen import Mesh
+from mjfish.numerics.arrays import FloatArray
 
 #: Rings of a link along its length, points of a ring, and rings of the round end in front.
 _RINGS = 28

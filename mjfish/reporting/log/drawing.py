@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from mjfish.arrays import FloatArray
 from mjfish.mujoco.offscreen import Colour, Mesh
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.body import link_mesh, link_poses
 from mjfish.reporting.log.scene import Run, Swim, Swimmer
 

@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 from rerun.chunk import RrdReader
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.mujoco.offscreen import Mesh
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.drawing import COLOURS, FORCES, Drawing, Figure
 from mjfish.reporting.log.recording import TIMELINE
 from mjfish.reporting.log.scene import Swimmer

@@ -15,11 +15,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.errors import InputError
-from mjfish.files import whole
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.files.writing import whole
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.body import normals
 from mjfish.reporting.log.curves import form_tab, log_curves
 from mjfish.reporting.log.drawing import (

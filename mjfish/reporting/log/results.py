@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from mjfish import ode
-from mjfish.arrays import FloatArray
 from mjfish.data import Trial
 from mjfish.diagnosis import Diagnosis, Overlay
 from mjfish.drive.motion import JointMotion
@@ -22,6 +21,7 @@ from mjfish.fish import Fish
 from mjfish.formats import number, percent
 from mjfish.model import Model, asked_motion
 from mjfish.model.model import Prepared, pose_of
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn

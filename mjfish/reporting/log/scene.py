@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from mjfish import frames
-from mjfish.arrays import FloatArray
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import LinkForces
 from mjfish.simulation.band import Band
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.design import FittedModels, Menu, ModelEstimate, Run, excluded, separations
 from mjfish.drive import modes
@@ -22,6 +21,7 @@ from mjfish.effects import Effect, find
 from mjfish.estimation import fit
 from mjfish.fish import load_fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Pairs of rivals and a size of each that is neither small nor large.
 PAIRS = {

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import signal
 
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.design import FittedModels
 from mjfish.effects import Effect, catalogue, of_fish
 from mjfish.estimation import Problem, fit
+from mjfish.numerics.arrays import FloatArray
 
 _WINDOW, _DEGREE = 9, 3
 

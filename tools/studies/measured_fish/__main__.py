@@ -11,12 +11,12 @@ from pathlib import Path
 from rich import box
 from rich.table import Table
 
-from mjfish import tomlfile
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Estimate
 from mjfish.errors import MjfishError
-from mjfish.files import check_file, check_folder, make_folder
-from mjfish.frames import CHANNELS
+from mjfish.files import tomlfile
+from mjfish.files.writing import check_file, check_folder, make_folder
+from mjfish.fish.frames import CHANNELS
 from mjfish.model.extended import write as write_fish
 from studies import console
 from studies.measured_fish.runs import SETTINGS, Outcome, Score, Settings, crossed, phases, reached, run, scores, told
@@ -116,7 +116,7 @@ def check(folder: Path, page: Path | None) -> None:
     """Refuse what cannot be written to before anything is fitted.
 
     Raises:
-        InputError: see `mjfish.files`.
+        InputError: see `mjfish.files.writing`.
     """
     check_folder(folder)
     if page is not None:

@@ -10,11 +10,11 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.data.importers import HEADERS
 from mjfish.diagnosis import Estimate
-from mjfish.files import make_folder, write_text
-from mjfish.frames import CHANNELS
+from mjfish.files.writing import make_folder, write_text
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray
 from studies.markdown import table, wrapped
 from studies.measured_fish import causes, pictures
 from studies.measured_fish.runs import Outcome, Score, alone, crossed, reached, refitted, scores, told

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.diagnosis import Overlay
 from mjfish.drive.measured import smoothing_spline
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from picture import PANELS, Frame, axes, dots, line, page, span_of, title
 from studies.measured_fish.runs import MODELS, Outcome, phases, residual
 

@@ -14,15 +14,15 @@ from pydantic import Field
 from scipy.signal import hilbert
 from threadpoolctl import threadpool_limits
 
-from mjfish import tomlfile
-from mjfish.arrays import BoolArray, FloatArray, readonly
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers import ImportReport, import_files
 from mjfish.diagnosis import Diagnosis, Estimate, Overlay, Splits, diagnose, diagnose_splits
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.estimation import PREFIX, Fit, Noise, Problem, fit, predict_held_out
+from mjfish.files import tomlfile
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from studies.licence import check_mit
 
 ROOT = Path(__file__).parents[3]

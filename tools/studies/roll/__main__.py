@@ -14,7 +14,7 @@ import jinja2
 import numpy as np
 
 from mjfish.drive import modes
-from mjfish.files import write_text
+from mjfish.files.writing import write_text
 from mjfish.mujoco import Trim
 from studies.markdown import table, wrapped
 from studies.roll.runs import (

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion, grid
 from mjfish.fish import load_fish
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.mujoco import SimRollout, Trim, simulate
+from mjfish.numerics.arrays import FloatArray
 
 PIKE = load_fish("pike")
 STEP = 0.001

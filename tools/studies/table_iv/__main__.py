@@ -17,9 +17,9 @@ from rich import box
 from rich.table import Table
 
 from mjfish.errors import InputError, MjfishError
-from mjfish.files import check_file, write_json
+from mjfish.files.writing import check_file, write_json
 from mjfish.fish import load_fish
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
 from studies import console
 from studies.table_iv import PaperComparison, compare_paper
 from studies.table_iv.misfit import Fitted

@@ -11,7 +11,7 @@ import numpy as np
 from mjfish.drive.motion import JointMotion
 from mjfish.effects import Effect
 from mjfish.fish import Fish
-from mjfish.parameter import Parameter
+from mjfish.parameters import Parameter
 
 
 class PsiUnit(Effect):

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
 from mjfish.model import Model, sensitivities
-from mjfish.parameter import Parameter, bounds
+from mjfish.numerics.arrays import FloatArray, readonly
+from mjfish.parameters import Parameter, bounds
 from studies.table_iv.ranges import Ranges
 
 #: Step of the model in fits [s]; ranges of the pike err by less than 0.5 %.

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.estimation import Part, parts_of_trial
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray, readonly
 
 Triple = tuple[float, float, float]
 
 #: [Yu2016], Table IV: RMSE [m/s, m/s, rad/s] and normalised RMSE [-] of V_x, V_y, V_w; its signs of the axes do not
-#: matter here (mjfish.frames).
+#: matter here (mjfish.fish.frames).
 PAPER: dict[str, tuple[Triple, Triple]] = {
     "v1": ((0.040, 0.042, 0.253), (0.097, 0.047, 0.051)),
     "v3": ((0.051, 0.044, 0.349), (0.105, 0.043, 0.056)),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mjfish.effects import Effect, catalogue
-from mjfish.frames import CHANNELS, UNITS
-from mjfish.parameter import Parameter
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.parameters import Parameter
 from studies.table_iv.causes import FinHeight, HeadInertia, PsiUnit, SoftStart
 from studies.table_iv.ranges import smallest_rmse
 

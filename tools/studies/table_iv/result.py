@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.estimation import Part
-from mjfish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.numerics.arrays import FloatArray
 from studies.table_iv.misfit import Fitted, rms
 from studies.table_iv.ranges import Ranges, rounding, scatter
 from studies.table_iv.reasons import UNIT, Reason

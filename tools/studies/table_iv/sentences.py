@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive import modes
-from mjfish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray
 from studies.table_iv.misfit import rms
 from studies.table_iv.ranges import rounding
 from studies.table_iv.result import OFF, Account, Fits, PaperComparison, by_channel

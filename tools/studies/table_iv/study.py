@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive import modes
 from mjfish.errors import InputError
 from mjfish.execution import executing, mapped
 from mjfish.fish import Fish
 from mjfish.model import Model
+from mjfish.numerics.arrays import FloatArray
 from studies.table_iv.misfit import STEP, Fitted, RangeProblem
 from studies.table_iv.ranges import Ranges, published, trials
 from studies.table_iv.reasons import UNIT, Reason, reasons

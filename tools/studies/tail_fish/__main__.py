@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mjfish.diagnosis import diagnose
 from mjfish.errors import MjfishError
-from mjfish.files import check_folder, make_folder, write_text
+from mjfish.files.writing import check_folder, make_folder, write_text
 from studies import console
 from studies.tail_fish.page import page
 from studies.tail_fish.runs import divided, files, settings, told

@@ -12,13 +12,13 @@ import numpy as np
 
 from importers import tail_fish
 from importers.tail_fish import Study
-from mjfish import tomlfile
-from mjfish.arrays import FloatArray
 from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis
 from mjfish.errors import InputError
-from mjfish.frames import CHANNELS
-from mjfish.serialise import plain as plain_of
+from mjfish.files import tomlfile
+from mjfish.files.plain_data import plain as plain_of
+from mjfish.fish.frames import CHANNELS
+from mjfish.numerics.arrays import FloatArray
 from studies.licence import check_mit
 
 VARIABLE = "MJFISH_TAILFISH"

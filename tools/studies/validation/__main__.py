@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 
 from mjfish.errors import MjfishError
-from mjfish.files import check_file, write_text
+from mjfish.files.writing import check_file, write_text
 from studies import console
 from studies.markdown import table, wrapped
 from studies.validation import falling_plate, oscillation, spheroid

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mjfish import StripFluid
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 
 #: Of [Andersen2005b]: circulation by translation and rotation, drag broadside A + B and edgewise A - B, friction.
 C_T, C_R, A, B, MU_1, MU_2 = 1.2, np.pi, 1.4, 1.0, 0.2, 0.2

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator.compiled import compiled
 from studies.battery.generator.oscillator import Stretch
 

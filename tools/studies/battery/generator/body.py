@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.fish import Fish, Section
+from mjfish.numerics.arrays import FloatArray
 
 #: Midpoint strips a link: fine (three times those of the solver), and coarse for sensitivities.
 FINE, COARSE = 96, 24

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import rolling
 from studies.battery.generator.plans import Run
 from studies.battery.generator.world import Motion

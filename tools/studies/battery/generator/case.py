@@ -14,9 +14,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mjfish.arrays import FloatArray, readonly
 from mjfish.data import Dataset, Sensor, Trial, save
 from mjfish.errors import InputError
+from mjfish.numerics.arrays import FloatArray, readonly
 from studies.battery.generator import camera, classes, forcing, foreign, rolling, size, world
 from studies.battery.generator import noise as noises
 from studies.battery.generator.classes import CAUSES, LISTED, OFF_LIST, Cause

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from mjfish import new_fish
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish, load_fish
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import camera, noise, plans, world
 from studies.battery.generator.world import COARSE, Accuracy, Disturbance
 

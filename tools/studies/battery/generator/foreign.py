@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator.causes import Cause, Draw
 from studies.battery.generator.other_water import FIRST_KNOT, FORMS, HARMONICS, KNOT_STEP, KNOTS, REFERENCE_SPEED, curve
 

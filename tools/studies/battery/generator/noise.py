@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 from scipy.signal import lfilter, savgol_filter
 
-from mjfish.arrays import FloatArray, readonly
+from mjfish.numerics.arrays import FloatArray, readonly
 from studies.battery.generator.camera import FINER
 
 Kind = Literal["white", "differentiated", "drift", "heavy_tailed", "dropped_frames", "differentiated_path", "poses"]

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Cpg
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator.compiled import compiled
 
 

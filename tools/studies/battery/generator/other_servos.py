@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import actuator
 from studies.battery.generator.oscillator import Stretch
 

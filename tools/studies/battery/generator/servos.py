@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import actuator, other_servos
 from studies.battery.generator.oscillator import Stretch
 from studies.battery.generator.plans import Run

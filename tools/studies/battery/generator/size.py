@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.linalg import orth
 
-from mjfish.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import world
 from studies.battery.generator.classes import CAUSES, LISTED, MECHANISMS, Cause
 from studies.battery.generator.draft import Draft

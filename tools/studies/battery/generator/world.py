@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import BSpline, CubicHermiteSpline
 
-from mjfish.arrays import FloatArray
 from mjfish.errors import InputError
 from mjfish.fish import Fish
+from mjfish.numerics.arrays import FloatArray
 from studies.battery.generator import body as bodies
 from studies.battery.generator import classes, momentum, oscillator, servos
 from studies.battery.generator.plans import Run
