@@ -89,7 +89,7 @@ def _measured(pike: Fish, trial: Trial) -> Trial:
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_sensor_of_a_joint_has_a_zero_too(pike: Fish, turning: Trial, share: float) -> None:
-    """Measured angles are moved as commands are, with their derivatives. Catches measured joints that are left alone."""
+    """Measured angles are moved as commands are, with derivatives. Catches measured joints that are left alone."""
     trial = _measured(pike, turning)
     assert ZERO.not_applicable(Dataset("d", pike, (trial,))) == ""
     assert derivative_error(pike, trial, ZERO, {n: share * bend for n, bend in BEND.items()}, "joint_2") < 1e-7
