@@ -230,7 +230,7 @@ def test_the_schemas_have_the_keys_that_are_read() -> None:
         dataset_toml.Noise: keys["noise"],
         dataset_toml.TankTable: keys["tank"],
         dataset_toml.Bounds: defs["start"]["anyOf"][1],
-        dataset_toml.Beforehand: keys["known"]["additionalProperties"],
+        dataset_toml.ParameterPrior: keys["known"]["additionalProperties"],
         dataset_toml.GaussianTable: gaussian,
         dataset_toml.DifferentiatedTable: differentiated,
         dataset_toml.TrialTable: defs["trial"],

@@ -449,10 +449,10 @@ def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assume
 
 def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset, stated: str | None) -> Iterator[str]:
     """Yield what the joint angles and the start were taken for."""
-    from mjfish.data.importers.mapping import told
+    from mjfish.data.importers.mapping import joint_angle_remarks
 
     assumed = "" if stated else ", which is assumed: --joints-are commanded, if the servos were told them"
-    yield from (f"          {line}{assumed}" for line in told(table, dataset.trials[0]))
+    yield from (f"          {line}{assumed}" for line in joint_angle_remarks(table, dataset.trials[0]))
     yield f"start     {'at rest in the water, as given' if table.from_rest else 'free (--from-rest: at rest)'}"
 
 

@@ -179,7 +179,7 @@ def _evidence(evidence: Evidence) -> Table:
     headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
     table = console.table("What the verdict is read from", headings, ("causes",))
     for row in evidence.rows:
-        tested = (percent(row.left), p_value(row.fit_p)) if row.tests else (NONE, NONE)
+        tested = (percent(row.remaining), p_value(row.fit_p)) if row.tests else (NONE, NONE)
         table.add_row(
             " + ".join(row.names),
             number(row.gain),
@@ -193,10 +193,11 @@ def _evidence(evidence: Evidence) -> Table:
     table.caption = (
         "LR: fall of the sum of squares; behind: by how much the best of its size explains more of all trials; "
         f"rival p: of that margin, a set stays from {LIMITS.keep} on or less than {LIMITS.close:.2g} behind; best: "
-        f"how often it is the best when one run is left out; remains: share left, little below {percent(LIMITS.left)} "
-        f"({percent(LIMITS.exact)} without a form, or with a learned one); fit p: of what is left, nothing from "
-        f"{LIMITS.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. p of the nominal model"
-        f"{' beside random causes' if evidence.random else ''}: {p_value(evidence.p_wrong)}, something is wrong below "
+        f"how often it is the best when one run is left out; remains: share left, little below "
+        f"{percent(LIMITS.remaining)} ({percent(LIMITS.exact)} without a form, or with a learned one); fit p: of what "
+        f"is left, nothing from {LIMITS.goodness:g} on; held out, error: log-likelihood gained there, and nRMSE. "
+        f"p of the nominal model{' beside random causes' if evidence.random else ''}: "
+        f"{p_value(evidence.p_wrong)}, something is wrong below "
         f"{LIMITS.alarm}."
     )
     return table

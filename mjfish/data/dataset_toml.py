@@ -17,7 +17,7 @@ from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.plain_data import fields_of
 from mjfish.files.tomlfile import Table
 from mjfish.fish import KINDS, Fish
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 
 #: Name of the file that makes a folder a dataset.
 FILE = "dataset.toml"
@@ -270,7 +270,7 @@ class DatasetTable(Table):
     noise: Noise | None = None
     tank: TankTable | None = None
     start: Annotated[dict[str, Bounds], BeforeValidator(_flat), Field(default_factory=dict)]
-    known: Annotated[dict[str, Beforehand], Field(default_factory=dict)]
+    known: Annotated[dict[str, ParameterPrior], Field(default_factory=dict)]
     filter: GaussianTable | DifferentiatedTable | None = Field(default=None, discriminator="kind")
     trials: Annotated[tuple[TrialTable, ...], Field(min_length=1)]
 

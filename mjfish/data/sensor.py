@@ -111,7 +111,7 @@ class Sensor:
         """Step between samples [s]: the median."""
         return float(np.median(np.diff(self.time)))
 
-    def kept(self, chosen: BoolArray, remark: str) -> Sensor:
+    def selected(self, chosen: BoolArray, remark: str) -> Sensor:
         """Return the samples chosen (m,), with a remark that says which and how many were left out, if any were."""
         lost = int(np.count_nonzero(~chosen))
         if not lost:
@@ -135,14 +135,14 @@ def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sens
         InputError: times that run backwards, or hardly any sample.
     """
     check_increasing(sensor.time, source, first_line, repeated=True)
-    sensor = sensor.kept(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
+    sensor = sensor.selected(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
     fresh = np.ones(len(sensor.time), dtype=np.bool_)
     fresh[1:] = np.diff(sensor.time) > 0.0
-    sensor = sensor.kept(fresh, "their time repeats the one before")
+    sensor = sensor.selected(fresh, "their time repeats the one before")
     same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
     if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
         remark = "they repeat the values before, as a slower sensor does that is logged faster"
-        sensor = sensor.kept(np.append(True, ~same), remark)
+        sensor = sensor.selected(np.append(True, ~same), remark)
     check_enough(sensor, source)
     return replace(sensor, values=np.unwrap(sensor.values, axis=0)) if sensor.kind == "heading" else sensor
 
@@ -167,7 +167,7 @@ def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sen
             f"{first:.6g} to {last:.6g} s, expected {FEWEST} samples or more in common; put the sensor on the clock of "
             'the drive (clock = "free" allows an offset of a quarter of a second only)'
         )
-    return sensor.kept(inside, "they are outside of the run")
+    return sensor.selected(inside, "they are outside of the run")
 
 
 def check_enough(sensor: Sensor, source: Path) -> None:

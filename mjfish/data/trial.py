@@ -22,7 +22,7 @@ from mjfish.errors.arguments import check
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import reporting
 from mjfish.fish import Fish
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.numerics.arrays import BoolArray, FloatArray
 
 Role = Literal["fit", "held_out"]
@@ -204,8 +204,8 @@ class Dataset:
         clock: ``synchronised``, or ``free`` where the velocity clock has an unknown offset in each trial.
         source: the dataset.toml it was read from.
         known: what is known of numbers that are no part of the fish, by name or pattern (see
-            `mjfish.fish.parameter_priors.Beforehand`): ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``, or
-            a cause's, which makes it a part of the nominal model.
+            `mjfish.fish.parameter_priors.ParameterPrior`): ``wave.scale``, ``*:wave.frequency``, ``run_1:start.surge``,
+            or a cause's, which makes it a part of the nominal model.
         filter: that the recorded velocities went through, and predictions do, too; None: none is known.
 
     Example:
@@ -224,7 +224,7 @@ class Dataset:
     noise: FloatArray | None = None
     clock: Clock = "synchronised"
     source: Path | None = None
-    known: Mapping[str, Beforehand] = field(default_factory=dict)
+    known: Mapping[str, ParameterPrior] = field(default_factory=dict)
     filter: Filter | None = None
 
     def __post_init__(self) -> None:

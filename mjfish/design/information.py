@@ -138,7 +138,7 @@ def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[
     """
     chosen = [p for p in problem.parameters if p.name in names]
     slopes = problem.slopes(x, names)
-    columns = [[chosen[k] for k in (*slopes.shared, *own)] for own in slopes.own]
+    columns = [[chosen[k] for k in (*slopes.shared, *own)] for own in slopes.per_trial]
     scales = [np.array([p.scale for p in own]) for own in columns]
     own_names = [tuple(p.name for p in own) for own in columns]
     velocities = [
@@ -146,8 +146,8 @@ def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[
         for i, block in enumerate(slopes.velocity)
     ]
     sensors = [(own_names[i], rows * scales[i]) for (i, _), rows in zip(problem.sensors, slopes.sensors, strict=True)]
-    known = [problem.parameters[i] for i in problem.known if problem.parameters[i].name in names]
-    rates = problem.known_rates(x)
+    known = [problem.parameters[i] for i in problem.with_priors if problem.parameters[i].name in names]
+    rates = problem.deviation_rates(x)
     return velocities, [*sensors, *[((p.name,), np.array([[rates[p.name] * p.scale]])) for p in known]]
 
 
@@ -170,7 +170,7 @@ class Detection:
 
         Infinite where a refit of the coefficients hides all of it.
         """
-        left, energy = self._left(self.amplitudes[cause], run)
+        left, energy = self._remaining_information(self.amplitudes[cause], run)
         shown = np.diag(left) > _CONFOUNDED * np.maximum(energy, 1e-300)
         inverse = np.diag(np.linalg.pinv(left, hermitian=True))
         found = np.where(shown, np.sqrt(DETECTED * np.maximum(inverse, 0.0)), np.inf)
@@ -178,10 +178,10 @@ class Detection:
 
     def isolability(self, causes: Sequence[Effect], run: int | None = None, along: Collection[str] = ()) -> Isolability:
         """Return the isolability of the mechanisms of the causes; `along` these amplitudes, or the typical ones."""
-        left, energy = self._left([p for cause in causes for p in self.amplitudes[cause.name]], run)
+        left, energy = self._remaining_information([p for cause in causes for p in self.amplitudes[cause.name]], run)
         return isolated(left, energy, causes, along)
 
-    def _left(self, amplitudes: Sequence[Parameter], run: int | None) -> tuple[FloatArray, FloatArray]:
+    def _remaining_information(self, amplitudes: Sequence[Parameter], run: int | None) -> tuple[FloatArray, FloatArray]:
         """Return S'S - S'J (J'J)^+ J'S (d, d) of some amplitudes, and the diagonal (d,) of S'S."""
         added = None if run is None else self.runs[run]
         sums = self.data if added is None else self.data + added

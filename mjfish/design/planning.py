@@ -314,12 +314,12 @@ def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]
 def _hardest(rival: str, p: Parameter, size: float, pairs: Sequence[Separation], run: int) -> Isolated:
     """Return the isolability of a rival, along its fit, from the one that is hardest to tell it from after a run."""
 
-    def told(pair: Separation, run: int | None) -> float:
+    def distinguishable_size(pair: Separation, run: int | None) -> float:
         return size * math.sqrt(DETECTED / max(pair.noncentrality_of(rival, run), 1e-300))
 
-    pair = max((pair for pair in pairs if rival in pair.rivals), key=lambda pair: told(pair, run))
+    pair = max((pair for pair in pairs if rival in pair.rivals), key=lambda pair: distinguishable_size(pair, run))
     (other,) = set(pair.rivals) - {rival}
-    return Isolated(p.name, other, p.unit, told(pair, None), told(pair, run))
+    return Isolated(p.name, other, p.unit, distinguishable_size(pair, None), distinguishable_size(pair, run))
 
 
 def _pair(pair: Separation, run: int | None) -> Pair:
@@ -406,7 +406,7 @@ def _advice(question: Question, best: Option, lead: str) -> str:
     pair = best.worst
     if question.purpose == "see":
         what += f" shrinks the minimum detectable effect of every cause, at least to {pair.after / pair.now:.0%}."
-        return " ".join([what, *map(_told, best.isolability)])
+        return " ".join([what, *map(_isolability_text, best.isolability)])
     if pair.probability_now > _LIKELY:
         return f"The data tell {pair.first} and {pair.second} apart already; {best.name} would do so most a second."
     advice = (
@@ -415,10 +415,10 @@ def _advice(question: Question, best: Option, lead: str) -> str:
     )
     if pair.probability_after < _LIKELY:
         advice += " No single run of the menu is likely to decide; several may."
-    return " ".join([advice, *map(_told, best.isolability)])
+    return " ".join([advice, *map(_isolability_text, best.isolability)])
 
 
-def _told(pair: Isolated) -> str:
+def _isolability_text(pair: Isolated) -> str:
     unit = "" if pair.unit == "-" else f" {pair.unit}"
     sizes = f"{pair.after:.2g}{unit} on ({pair.now:.2g}{unit} now)"
     return f"After it, {pair.amplitude} is told from {pair.beside} from {sizes}."

@@ -15,7 +15,7 @@ import numpy as np
 from mjfish.data import Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.compared import Compared, odd_run
+from mjfish.diagnosis.compared import Compared, outlying_run_finding
 from mjfish.diagnosis.conclusion import Conclusion
 from mjfish.diagnosis.description import describe
 from mjfish.diagnosis.evidence import Evidence, p_value_of
@@ -57,7 +57,7 @@ def assemble(
     """Return the diagnosis with all that readers look at; a claim is taken back where a part failed."""
     parts, evidence, best = begun.parts, screening.evidence, concluded.best
     dataset, shown = begun.dataset, best or evidence
-    odd = [] if compared.odd is None else [odd_run(evidence.problem.trials, compared.odd)]
+    odd = [] if compared.odd is None else [outlying_run_finding(evidence.problem.trials, compared.odd)]
     checks = checks.joined(Inspection.of([*contradicted(shown.problem, shown.fit), *odd], begun.known))
     candidates = candidate_table(begun, evidence, compared)
     converged = {"the nominal model": evidence.fit.status, "the extended model": shown.fit.status}

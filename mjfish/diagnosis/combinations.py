@@ -15,7 +15,7 @@ from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import made_smooth, refined, refit_with
+from mjfish.diagnosis.refit import converged_formula, converged_learned_form, refit_with
 from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
@@ -116,7 +116,11 @@ def _searched(
                     if all(pays(refit, known) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness)
-        if not earned or best is None or min((row.left for row in best.staying()), default=1.0) > THRESHOLDS.resembles:
+        if (
+            not earned
+            or best is None
+            or min((row.remaining for row in best.staying()), default=1.0) > THRESHOLDS.resembles
+        ):
             return best
         bases = _best(earned.values())
     return best
@@ -193,7 +197,9 @@ def _extended(
             for refit in found.values()
             if refit.gain >= floor and refit.gain + _AT_MOST * refit.promise > earns and _resembles(refit, whole)
         ]
-        found.update({tuple(sorted(refit.names)): refit for refit in followed(partial(to_optimum, least=least), near)})
+        found.update(
+            {tuple(sorted(refit.names)): refit for refit in followed(partial(converged_refit, least=least), near)}
+        )
     return found
 
 
@@ -202,9 +208,9 @@ def _with(base: Refit, effect: Effect) -> Names:
     return tuple(sorted((*base.names, effect.name)))
 
 
-def to_optimum(refit: Refit, least: float) -> Refit:
+def converged_refit(refit: Refit, least: float) -> Refit:
     """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
-    return made_smooth(refit, least) if refit.effects[-1].learned else refined(refit, least)
+    return converged_learned_form(refit, least) if refit.effects[-1].learned else converged_formula(refit, least)
 
 
 def _ranked(after: Evidence) -> list[Effect]:

@@ -28,7 +28,7 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.combinations import find_combinations, to_optimum
+from mjfish.diagnosis.combinations import converged_refit, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
@@ -129,7 +129,7 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     table = replace(table, single=single)
     if single.retained(clean=True):
         return Compared(table, refits, learned)
-    odd: int | None = begun.parts.run("the search for a single run", lambda: lone_run(screening.evidence), None)
+    odd: int | None = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
     found: tuple[Comparison | None, Mapping[Names, Refit]] = (None, {})
     if odd is None:
         every = (*begun.applicable, *begun.learnable)
@@ -144,7 +144,7 @@ def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Follow the refits that were stopped where a step more may catch up with the best; return these."""
     best = max(refits.values(), key=lambda refit: refit.adjusted)
     late = [refit for refit in refits.values() if refit.promise > best.adjusted - refit.adjusted]
-    return {refit.names: refit for refit in followed(partial(to_optimum, least=best.fit.sse), late)}
+    return {refit.names: refit for refit in followed(partial(converged_refit, least=best.fit.sse), late)}
 
 
 def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:
@@ -204,7 +204,7 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
 _FEWEST, _TRIED = 4, 2
 
 
-def lone_run(evidence: Evidence) -> int | None:
+def outlying_run(evidence: Evidence) -> int | None:
     """Return the index of the fitted trial without which nothing contradicts the nominal model.
 
     None where there is none, or two.
@@ -233,7 +233,7 @@ def _rest_fits(evidence: Evidence, index: int) -> bool:
     return min(tail(*after.saturated()), tail(*after.omnibus)) >= THRESHOLDS.goodness
 
 
-def odd_run(trials: Sequence[Trial], odd: int) -> Finding:
+def outlying_run_finding(trials: Sequence[Trial], odd: int) -> Finding:
     """Return the finding about the run that holds all of the misfit."""
     name, drive = trials[odd].name, trials[odd].drive
     repeated = drive != () and sum(trial.drive == drive for trial in trials) > 1

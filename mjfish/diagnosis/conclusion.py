@@ -85,7 +85,7 @@ def _with_form(
         lambda: named_mechanisms(shown, possible, form, screening.evidence.fit, clean=judged[0].clean()),
         (),
     )
-    message = message_of(judged, claimed=all(one.level == "form" for one in mechanisms)) + decision.left
+    message = message_of(judged, claimed=all(one.level == "form" for one in mechanisms)) + decision.remark
     return replace(decision, sets=tuple(refit.names for refit in retained), message=message), shown, mechanisms
 
 

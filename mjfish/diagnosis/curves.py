@@ -31,7 +31,7 @@ from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
 from mjfish.hydro.load import ANSWER, LoadBuffers, LoadTable, load_rows, loads_on
 from mjfish.model import Model
-from mjfish.model.model import Prepared, asked_motion, driven
+from mjfish.model.model import Prepared, driven, requested_motion
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.ode.kinematics import link_velocities
 
@@ -387,7 +387,7 @@ def _response(kind: str, link: int, nominal: Fish, fish: _Fish, times: FloatArra
 def _servo_limit(refit: Refit) -> Iterator[_Form]:
     """Return the angle at which a joint ends, by the one that it is told."""
     model = refit.problem.model
-    told = [np.abs(asked_motion(model.fish.cpg, trial, model.step).angle).ravel() for trial in refit.problem.trials]
+    told = [np.abs(requested_motion(model.fish.cpg, trial, model.step).angle).ravel() for trial in refit.problem.trials]
     angle = np.concatenate(told)
     at = np.linspace(0.0, 1.1 * float(angle.max()), _POINTS)
     yield _Form("joint_angle", "joints", ("command", "rad"), ("joint_angle", "rad"), at, _reached, (angle, angle**2))

@@ -118,14 +118,14 @@ def describe(problem: Problem, fit: Fit) -> Description:
         return Description((), 0.0)
     size = np.linalg.solve(evidence.information[np.ix_(kept, kept)], evidence.score[kept])
     explained = float(size @ evidence.score[kept]) - len(kept)
-    total = explained + max(_left(evidence, kept), 0.0)
+    total = explained + max(_remaining_beyond_chance(evidence, kept), 0.0)
     terms = [
         Term(labels[i], float(s * scales[i]), float(often[chosen.index(i)])) for i, s in zip(kept, size, strict=True)
     ]
     return Description(tuple(terms), max(explained, 0.0) / max(total, 1e-9))
 
 
-def _left(evidence: Evidence, kept: Sequence[int]) -> float:
+def _remaining_beyond_chance(evidence: Evidence, kept: Sequence[int]) -> float:
     """Return what the omnibus basis explains beyond chance of what the terms leave."""
     statistic, rank = evidence.omnibus
     size = np.linalg.solve(evidence.information[np.ix_(kept, kept)], evidence.score[list(kept)])

@@ -32,7 +32,7 @@ from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing, execution
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
 from mjfish.progress import Meter, Progress, silent
 
@@ -103,9 +103,9 @@ def diagnose(
     with threadpool_limits(1, "blas"), noting(Parts()) as parts, here:
         known = catalogue(effects)
         begun = replace(_begun(dataset, known, parts), seed=seed)
-        kept = None if resume is None else Kept(Path(resume), identity(begun.measured, begun.candidates, seed))
+        kept = None if resume is None else Checkpoint(Path(resume), identity(begun.measured, begun.candidates, seed))
         try:
-            with executing(kept=kept):
+            with executing(checkpoint=kept):
                 return _diagnosed(begun)
         except PartFailedError as error:
             begun.parts.failures.update([error.args])

@@ -47,7 +47,7 @@ from mjfish.execution import execution
 from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.numerics.block_angular import Basis, BlockAngular, block_angular, explained, span
-from mjfish.numerics.sized_cache import Remade, always
+from mjfish.numerics.sized_cache import Recomputable, always
 from mjfish.parameters import Parameter
 
 
@@ -75,7 +75,7 @@ def tail_of_flips(both: Basis, first: Basis, residual: FloatArray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class ByRun:
+class RunEffects:
     """Columns of single runs beside the parameters of a fit.
 
     Attributes:
@@ -352,9 +352,9 @@ class Evidence:
         return self.fit.jacobian.chosen(~self.fit.at_bound)
 
     @property
-    def waves(self) -> ByRun:
+    def waves(self) -> RunEffects:
         """The omnibus basis beside the free parameters, made anew: it has as many columns a run as there are waves."""
-        return ByRun(self.jacobian, self.coefficients, whitened_omnibus(self.problem))
+        return RunEffects(self.jacobian, self.coefficients, whitened_omnibus(self.problem))
 
     def _degrees_of_freedom(self, name: str) -> int:
         block = self.blocks[name]
@@ -378,7 +378,7 @@ def gather(
 def unscored(problem: Problem, fit: Fit) -> Evidence:
     """Return the evidence at a fit without candidates; the omnibus basis needs none."""
     if problem.smoother is not problem:
-        fit = replace(fit, linearised=Remade(partial(_linearised, problem, fit)))
+        fit = replace(fit, linearised=Recomputable(partial(_linearised, problem, fit)))
     coefficients = span(fit.jacobian.chosen(~fit.at_bound))
     return Evidence(
         problem=problem,
@@ -402,7 +402,7 @@ def with_scores(
     kept = tuple(effect for effect in candidates if effect.name not in held)
     known = None if known_signatures is None else problem.rows(known_signatures()).shared
     raw = signature_rows(problem, fit.values, _unfailing(kept)) if known is None else known
-    raws = Remade(partial(signature_rows, problem, fit.values, _unfailing(kept)), raw)
+    raws = Recomputable(partial(signature_rows, problem, fit.values, _unfailing(kept)), raw)
     inside, score, information = coefficients.coordinates(raw), np.zeros(raw.shape[1]), np.zeros((raw.shape[1],) * 2)
     for rows in (*problem.trial_rows, *np.arange(problem.measured, len(raw))[:, None]):
         left = coefficients.off_at(rows, raw, inside)
@@ -430,7 +430,7 @@ def under(evidence: Evidence, noises: Sequence[Noise], known_signatures: Callabl
     for noise in noises:
         other = replace(problem, noise=noise)
         residual, jacobian = other.rows(raw).shared[:, 0], other.jacobian_of(slopes, x)
-        residual[other.measured :] = other.known_rows(x)[0]
+        residual[other.measured :] = other.deviation_rows(x)[0]
         linearised = replace(evidence.fit.linearised(), jacobian=jacobian)
         seen = replace(evidence.fit, residuals=always(residual), linearised=always(linearised))
         yield gather(other, seen, evidence.candidates, known_signatures)
@@ -559,7 +559,7 @@ def whitened_omnibus(problem: Problem) -> BlockAngular:
         read = [by_channel(functions(cpg, trial, s.time), range(at.start, at.stop), count) for s, at in pairs]
         white += problem.white_sensors(index, read)
         blocks.append(np.concatenate([own.reshape(-1, own.shape[2]) for own in white]))
-    return block_angular(np.zeros((problem.measured + len(problem.known), 0)), problem.trial_rows, blocks)
+    return block_angular(np.zeros((problem.measured + len(problem.with_priors), 0)), problem.trial_rows, blocks)
 
 
 def tail(statistic: float, rank: int) -> float:

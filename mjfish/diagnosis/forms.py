@@ -21,7 +21,7 @@ from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.isolability import prior_precision
-from mjfish.diagnosis.refit import made_smooth, refit_with
+from mjfish.diagnosis.refit import converged_learned_form, refit_with
 from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
@@ -116,7 +116,10 @@ def refit_learned_forms(
     best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
     least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
     running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
-    return {refit.names[0]: refit for refit in followed(partial(made_smooth, best=evidence.fit.sse - best), running)}
+    return {
+        refit.names[0]: refit
+        for refit in followed(partial(converged_learned_form, best=evidence.fit.sse - best), running)
+    }
 
 
 def promising(
@@ -166,7 +169,7 @@ def _beats(learned: Refit, formula: Refit) -> bool:
     return p_value_of(learned.gain - formula.gain, more) < _BEATEN
 
 
-def left_by_others(formula: Refit, learned: Refit) -> float:
+def remainder_of_other_forms(formula: Refit, learned: Refit) -> float:
     """Return the sum of squares that all but a few other forms of the strength of a formula would leave beside it.
 
     Args:
@@ -208,7 +211,7 @@ def named_mechanisms(
         forms = dict.fromkeys(member.name for member in members if member.mechanism == name)
         learned = any(effect.learned for effect in shown)
         single = clean and len(forms) == 1 and not learned
-        single = single and (form is None or left_by_others(best, form) >= DETECTED)
+        single = single and (form is None or remainder_of_other_forms(best, form) >= DETECTED)
         known = MECHANISMS.get(name)
         found.append(
             NamedMechanism(

@@ -18,7 +18,7 @@ from mjfish.diagnosis.thresholds import THRESHOLDS, Thresholds
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
 from mjfish.formats import fall, less, number, percent
 from mjfish.numerics.arrays import FloatArray, checked
-from mjfish.numerics.sized_cache import Remade
+from mjfish.numerics.sized_cache import Recomputable
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -57,7 +57,7 @@ class Confirmation:
 
     def failed(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether the cause predicts these trials worse than they are without it, by more than noise does."""
-        worse = self.error_ratio > 1.0 + limits.left and self.mean_square > _PREDICTED
+        worse = self.error_ratio > 1.0 + limits.remaining and self.mean_square > _PREDICTED
         return worse or self.misses_speed(limits) or (self.gained <= 0.0 and self.probability < limits.goodness)
 
     def as_well(self) -> bool:
@@ -110,7 +110,7 @@ class HeldOut:
         """Return the score of a refit, None: of the nominal model."""
         if refit not in self.scores:
             of = self.evidence if refit is None else refit
-            self.scores[refit] = Remade(partial(predict_held_out, of.problem, of.fit.values, self.trials))
+            self.scores[refit] = Recomputable(partial(predict_held_out, of.problem, of.fit.values, self.trials))
         return self.scores[refit]()
 
     def predicted(self, refits: Mapping[Key, Refit]) -> dict[Key, Refit]:
@@ -122,7 +122,7 @@ class HeldOut:
         if refit not in self.covariance_roots:
             of = self.evidence if refit is None else refit
             self.covariance_roots[refit] = held_out_covariance_root(
-                of.problem, of.fit, self.trials, self.score(refit).own
+                of.problem, of.fit, self.trials, self.score(refit).trial_parameters
             )
         return self.covariance_roots[refit]
 
@@ -289,7 +289,7 @@ def _reach(left: Left) -> dict[str, float]:
 def _errors(left: Left) -> dict[str, float]:
     reach = _reach(left)
     return {
-        name: float(np.sqrt(np.mean(np.concatenate([own.left for own in every]) ** 2)) / reach[name])
+        name: float(np.sqrt(np.mean(np.concatenate([own.residual for own in every]) ** 2)) / reach[name])
         for name, every in _by_channel(left).items()
     }
 
@@ -303,7 +303,7 @@ def _mean_speed(left: Left) -> tuple[float, float]:
     for trial in left:
         own = {error.name.rpartition(" ")[2]: error for error in trial}
         if "surge" in own:
-            found.append((abs(float(own["surge"].left.mean())), abs(float(own["surge"].measured.mean()))))
+            found.append((abs(float(own["surge"].residual.mean())), abs(float(own["surge"].measured.mean()))))
         elif {"x", "y"} <= own.keys():
             ways = [_way(own["x"], own["y"], share) / float(np.ptp(own["x"].time)) for share in (0.0, 1.0)]
             found.append((abs(ways[0] - ways[1]), ways[0]))
@@ -313,7 +313,7 @@ def _mean_speed(left: Left) -> tuple[float, float]:
 
 def _way(x: ChannelError, y: ChannelError, share: float) -> float:
     """Return the distance [m] from the first to the last sample, less a share of what is left of them."""
-    ends = [own.measured[[0, -1]] - share * own.left[[0, -1]] for own in (x, y)]
+    ends = [own.measured[[0, -1]] - share * own.residual[[0, -1]] for own in (x, y)]
     return float(np.hypot(ends[0][1] - ends[0][0], ends[1][1] - ends[1][0]))
 
 
@@ -324,7 +324,7 @@ def _blocks(nominal: Sequence[ChannelError], extended: Sequence[ChannelError], n
     sums = np.zeros((count, 3, len(names)))
     for before, after in zip(nominal, extended, strict=True):
         at = np.minimum(((before.time - first) / (last - first) * count).astype(np.intp), count - 1)
-        for row, values in enumerate((before.left**2, after.left**2, np.ones(len(at)))):
+        for row, values in enumerate((before.residual**2, after.residual**2, np.ones(len(at)))):
             np.add.at(sums[:, row, names.index(before.name)], at, values)
     return sums
 

@@ -227,4 +227,4 @@ def sole_domain(shares: dict[Domain, float]) -> Domain | None:
     """Return the domain that leaves little where all others leave much, of the share that each leaves."""
     best, *others = sorted(shares, key=lambda domain: shares[domain])
     apart = all(shares[domain] > THRESHOLDS.resembles for domain in others)
-    return best if shares[best] < THRESHOLDS.left and apart else None
+    return best if shares[best] < THRESHOLDS.remaining and apart else None

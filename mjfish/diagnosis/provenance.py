@@ -30,7 +30,9 @@ def provenance(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dic
     """
     files = [path for path in (dataset.source, *(trial.source for trial in dataset.trials)) if path is not None]
     home = Path() if dataset.source is None else dataset.source.parent
-    inputs = {os.path.relpath(path, home): path for path in files} | {path.name: path for path in _own(candidates)}
+    inputs = {os.path.relpath(path, home): path for path in files} | {
+        path.name: path for path in _external_files(candidates)
+    }
     return {
         "versions": {name: version(name) for name in ("mjfish", "numpy", "scipy", "numba")},
         "python": platform.python_version(),
@@ -60,7 +62,7 @@ def _summed(value: Any) -> Any:
     return [_summed(item) for item in value] if isinstance(value, (tuple, list)) else repr(value)
 
 
-def _own(candidates: Sequence[Effect]) -> list[Path]:
+def _external_files(candidates: Sequence[Effect]) -> list[Path]:
     """Return the files of the causes that do not come with the package; a class made by `type` is said to be in abc."""
     names = {type(effect).__module__ for effect in candidates} - sys.stdlib_module_names
     modules = [sys.modules.get(name) for name in names]

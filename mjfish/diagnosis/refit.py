@@ -243,7 +243,7 @@ def far_off(found: Fit) -> bool:
     return found.sse > _FAR * found.count
 
 
-def settled(found: Mapping[str, Refit]) -> dict[str, Refit]:
+def converged_contenders(found: Mapping[str, Refit]) -> dict[str, Refit]:
     """Follow the contenders to their optimum.
 
     A formula that is a limit of a contender is followed, too: it is simpler, and may explain as much.
@@ -251,7 +251,7 @@ def settled(found: Mapping[str, Refit]) -> dict[str, Refit]:
     floor = _floor(found)
     limits = {name for refit in found.values() if refit.gain >= floor for name in refit.effects[-1].limits}
     running = [refit for name, refit in found.items() if refit.gain >= floor or name in limits]
-    made = followed(functools.partial(refined, best=leader(found).fit.sse), running)
+    made = followed(functools.partial(converged_formula, best=leader(found).fit.sse), running)
     return {**found, **{refit.names[-1]: refit for refit in made}}
 
 
@@ -351,7 +351,7 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
     return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
 
-def made_smooth(refit: Refit, best: float = np.inf) -> Refit:
+def converged_learned_form(refit: Refit, best: float = np.inf) -> Refit:
     """Follow a coarse refit, its last cause of learned form, to its optimum, with the smoothness that the data ask for.
 
     Args:
@@ -377,7 +377,7 @@ def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
     return replace(refit, problem=problem, fit=here, gain=evidence.fit.sse - here.sse)
 
 
-def refined(refit: Refit, best: float) -> Refit:
+def converged_formula(refit: Refit, best: float) -> Refit:
     """Follow a refit to its optimum. Where no single cause fits, fit it again from the declared coefficients.
 
     A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach.
@@ -518,7 +518,7 @@ def _like(effect: Effect, formulas: Iterable[Refit]) -> Iterator[dict[str, float
     """Yield the values at which a learned form is like each refit with a formula of its mechanism."""
     for formula in formulas:
         of_formula = formula.effects[-1]
-        if own := effect.like(of_formula.name, of_formula.own_values(formula.fit.values)):
+        if own := effect.like(of_formula.name, of_formula.short_values(formula.fit.values)):
             yield {**formula.fit.values, **{f"{effect.name}.{k}": v for k, v in own.items()}}
 
 
@@ -540,7 +540,7 @@ class _Tried:
         self._jacobian = found.jacobian.chosen(~found.at_bound)
         self.starts: list[FloatArray] = []
         self.moved: list[FloatArray] = []
-        self.left: list[float] = []
+        self.squares: list[float] = []
         self.promised: list[float] = []
 
     def add(self, start: FloatArray) -> float:
@@ -549,7 +549,7 @@ class _Tried:
         step = self._jacobian.solve(residual, 1e-8)
         self.starts.append(start)
         self.moved.append(self._moved(start, step))
-        self.left.append(float(residual @ residual))
+        self.squares.append(float(residual @ residual))
         self.promised.append(float(np.sum((residual - self._jacobian @ step) ** 2)))
         return self.promised[-1]
 
@@ -558,7 +558,7 @@ class _Tried:
 
         They move on from there, without what rests on a bound, as long as less and less is left.
         """
-        starts, left = [*self.starts], [*self.left]
+        starts, left = [*self.starts], [*self.squares]
         low, high = bounds(self.problem.parameters)
         for x in [self.moved[i] for i in np.argsort(self.promised)[:_TRIED]]:
             before = np.inf

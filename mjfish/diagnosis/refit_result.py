@@ -19,7 +19,7 @@ from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import End, fit_at, fit_or_raise
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.execution import completed, execution, in_order
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 from mjfish.files.plain_data import plain, restored
 from mjfish.numerics.block_angular import span
 from mjfish.numerics.sized_cache import always
@@ -147,12 +147,12 @@ def _side_by_side(
     left = [(names, task) for names, task in zip(named, tasks, strict=True) if not failed(names)]
     files = (
         [None] * len(left)
-        if here.kept is None
-        else [*here.kept.step([" ".join([*names, *sorted(parts.failures)]) for names, _ in left])]
+        if here.checkpoint is None
+        else [*here.checkpoint.step([" ".join([*names, *sorted(parts.failures)]) for names, _ in left])]
     )
-    found = [None if file is None else Kept.read(file) for file in files]
+    found = [None if file is None else Checkpoint.read(file) for file in files]
     rest = [place for place, known in enumerate(found) if known is None]
-    recorded = here.kept is not None or here.executor is not None
+    recorded = here.checkpoint is not None or here.executor is not None
     function: Callable[[Any], Any] = partial(_attempted, make)
     if recorded:
         function = partial(_recorded, function, problem)
@@ -165,7 +165,7 @@ def _side_by_side(
             else:
                 result = get()
                 if not isinstance(result, Failure):
-                    Kept.write(file, result)
+                    Checkpoint.write(file, result)
                 yield rest[k], always(result)
 
     for k, ((_, task), result) in enumerate(zip(left, in_order(made()), strict=True), 1):

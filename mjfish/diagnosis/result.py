@@ -307,7 +307,7 @@ class Diagnosis(DiagnosisData):
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
         return Extended(model, {name: value.estimate for name, value in sizes.items()})
 
-    def _told(self, cause: str) -> str:
+    def _public_name(self, cause: str) -> str:
         """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""
         effect = self.effects.get(cause)
         return effect.mechanism if effect is not None and effect.learned else cause
@@ -324,7 +324,7 @@ class Diagnosis(DiagnosisData):
             "schema": SCHEMA,
             "dataset": setup.pop("dataset"),
             **{name: plain(getattr(self, name)) for name in kept},
-            "causes": [{**plain(cause), "name": self._told(cause.name)} for cause in self.causes],
+            "causes": [{**plain(cause), "name": self._public_name(cause.name)} for cause in self.causes],
             "missing_force": plain(self.force),
             "gain": plain(self.gain),
             "coefficients": {"nominal": plain(self.nominal), "extended": plain(self.extended)},

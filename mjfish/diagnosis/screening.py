@@ -16,14 +16,14 @@ from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.refit import (
     converge,
+    converged_contenders,
+    converged_formula,
     far_off,
     leader,
     other_refits,
-    refined,
     refit_nonsmooth,
     refits,
     resolved,
-    settled,
 )
 from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.thresholds import THRESHOLDS
@@ -36,7 +36,7 @@ from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise
 from mjfish.execution import execution
 from mjfish.noise import DifferentiationNoise, GaussMarkov
 from mjfish.numerics.arrays import FloatArray
-from mjfish.numerics.sized_cache import Remade
+from mjfish.numerics.sized_cache import Recomputable
 
 #: Residuals that another noise changes by a smaller share than this are weighed alike.
 _SAME = 0.1
@@ -122,7 +122,7 @@ def screen(
 def _screened_sensors(
     problem: Problem,
     baseline: Fit,
-    slopes: Remade[Slopes],
+    slopes: Recomputable[Slopes],
     candidates: tuple[Effect, ...],
 ) -> Screening:
     """Screen where sensors alone were measured, whose noise is white and known from their third differences."""
@@ -140,14 +140,14 @@ def _screened_sensors(
         seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, refitted, seen.refits)
     if refitted:
-        refitted = settled(refitted)
+        refitted = converged_contenders(refitted)
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm)
 
 
 def _screened(
     problem: Problem,
     baseline: Fit,
-    slopes: Remade[Slopes],
+    slopes: Recomputable[Slopes],
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
     *,
@@ -189,18 +189,18 @@ def _screened(
         elif seen is not before:
             refitted = refits(seen.evidence, candidates, refitted)
     if refitted:
-        refitted = settled(refitted)
+        refitted = converged_contenders(refitted)
     return Screening(seen.evidence, refitted, seen.p_wrong, seen.directed < THRESHOLDS.alarm, remark), smoothing
 
 
 def _walking(
     problem: Problem,
     baseline: Fit,
-    slopes: Remade[Slopes],
+    slopes: Recomputable[Slopes],
     size: float,
     candidates: tuple[Effect, ...],
     stated: FloatArray | None,
-) -> tuple[Problem, Fit, Remade[Slopes]]:
+) -> tuple[Problem, Fit, Recomputable[Slopes]]:
     """Return the problem with a walk of the drive's clock, its fit, and the signatures there.
 
     Size and noise depend on each other. A walk that gains little, or less than a candidate does, is left out again.
@@ -221,7 +221,7 @@ def _walking(
 
 
 def _under_the_known_noise(
-    problem: Problem, baseline: Fit, slopes: Remade[Slopes], candidates: tuple[Effect, ...]
+    problem: Problem, baseline: Fit, slopes: Recomputable[Slopes], candidates: tuple[Effect, ...]
 ) -> dict[str, Refit]:
     """Return refits under the noise of the problem, where it is known, the model far off, and one fits; else none.
 
@@ -244,26 +244,26 @@ def _under_the_known_noise(
 def _led(found: dict[str, Refit]) -> Refit:
     """Follow the refit that explains most to its optimum, put it in the place of the coarse one, and return it."""
     best = leader(found)
-    found.update({refit.names[-1]: refit for refit in followed(partial(refined, best=best.fit.sse), [best])})
+    found.update({refit.names[-1]: refit for refit in followed(partial(converged_formula, best=best.fit.sse), [best])})
     return found[best.names[-1]]
 
 
-def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], Remade[Slopes]]:
+def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, ...], Recomputable[Slopes]]:
     """Return the candidates that a refit lacks, and their signatures there."""
     others = tuple(effect for effect in candidates if effect.name not in best.names)
     return others, _signatures(best.problem, best.fit.values, others)
 
 
-def _fitted(problem: Problem, start: FloatArray, candidates: tuple[Effect, ...]) -> tuple[Fit, Remade[Slopes]]:
+def _fitted(problem: Problem, start: FloatArray, candidates: tuple[Effect, ...]) -> tuple[Fit, Recomputable[Slopes]]:
     """Return the fit of the nominal model, and the signatures of candidates there."""
     baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
     return baseline, _signatures(problem, baseline.values, candidates)
 
 
-def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Remade[Slopes]:
+def _signatures(problem: Problem, values: Mapping[str, float], candidates: tuple[Effect, ...]) -> Recomputable[Slopes]:
     """Return the signatures of candidates, made: those that fail are noted here."""
     make = partial(signatures, problem, values, candidates)
-    return Remade(make, make())
+    return Recomputable(make, make())
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +281,7 @@ class _NominalTest:
     """Fits the nominal model under a noise and tests its residual."""
 
     candidates: tuple[Effect, ...]
-    slopes: Remade[Slopes]
+    slopes: Recomputable[Slopes]
 
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.data import Trial
-from mjfish.diagnosis.evidence import ByRun, Evidence, flipped_p, gather, tail, unscored, with_scores
+from mjfish.diagnosis.evidence import Evidence, RunEffects, flipped_p, gather, tail, unscored, with_scores
 from mjfish.diagnosis.failures import NOMINAL, finite, tried
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_nonsmooth
@@ -45,7 +45,7 @@ from mjfish.diagnosis.table import Comparison, Names, Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects.effect import Effect
 from mjfish.estimation.fit import End, fit_at
-from mjfish.estimation.residual import own_parameters
+from mjfish.estimation.residual import trial_parameters
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.block_angular import block_angular
 
@@ -53,7 +53,7 @@ from mjfish.numerics.block_angular import block_angular
 def of_all_runs(model: Refit | Evidence, held_out: tuple[Trial, ...]) -> Evidence:
     """Return what a fitted model leaves in its runs and in held-out ones, by one step; no candidate is scored."""
     others = [replace(trial, sensors=()) if trial.measured.any() else trial for trial in held_out]
-    own = own_parameters(model.problem, model.fit.values, others)  # a first sample is no place to linearise about
+    own = trial_parameters(model.problem, model.fit.values, others)  # a first sample is no place to linearise about
     every = replace(model.problem, trials=(*model.problem.trials, *others), windows=None)
     x = every.start({**own, **model.fit.values})
     resting = {p.name for p, at_bound in zip(model.fit.parameters, model.fit.at_bound, strict=True) if at_bound}
@@ -61,7 +61,7 @@ def of_all_runs(model: Refit | Evidence, held_out: tuple[Trial, ...]) -> Evidenc
     return unscored(every, fit_at(every, End(x, x, at_bound, "converged", "", 0, np.nan)))
 
 
-def sizes_by_run(refit: Refit, every: Evidence) -> ByRun:
+def sizes_by_run(refit: Refit, every: Evidence) -> RunEffects:
     """Return the derivatives along sizes of causes and along coefficients, cut to single runs, of `of_all_runs`."""
     problem, slopes = every.problem, every.fit.jacobian
     along, named = [], [(p, float(v)) for p, v in zip(problem.parameters, every.fit.x, strict=True)]
@@ -75,7 +75,7 @@ def sizes_by_run(refit: Refit, every: Evidence) -> ByRun:
         along.append(slopes @ np.array(changed))
     columns = np.stack(along, axis=1)
     blocks = block_angular(columns[:, :0], problem.trial_rows, [columns[r] for r in problem.trial_rows])
-    return ByRun(every.jacobian, every.coefficients, blocks)
+    return RunEffects(every.jacobian, every.coefficients, blocks)
 
 
 #: Random draws of a margin.
@@ -168,11 +168,11 @@ class Goodness:
     def _nominal(self) -> float:
         """What the nominal model leaves in all runs; 0 where that fails."""
 
-        def left() -> float:
+        def remainder() -> float:
             cleared = of_all_runs(self.held_out.evidence, self.held_out.trials).cleared
             return float(cleared @ cleared)
 
-        return tried([NOMINAL], left, 0.0)
+        return tried([NOMINAL], remainder, 0.0)
 
     def _tested(self, refit: Refit) -> dict[str, Any]:
         """Return the p values of the tests and what is left beyond chance, by field of `Row`.
@@ -187,7 +187,7 @@ class Goodness:
         explained = max(self._nominal - float(every.cleared @ every.cleared), refit.gain)
         tests: dict[str, float] = {}
         most = 0.0, 0
-        limits = (THRESHOLDS.resembles, THRESHOLDS.left, THRESHOLDS.left)
+        limits = (THRESHOLDS.resembles, THRESHOLDS.remaining, THRESHOLDS.remaining)
         for limit, stage in zip(limits, self._stages(refit, every, explained), strict=True):
             if np.isnan([(p, statistic) for p, (statistic, _) in stage.values()]).any():
                 raise FloatingPointError("a test of what it leaves is no number")

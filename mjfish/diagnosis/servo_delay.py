@@ -13,7 +13,7 @@ from mjfish.diagnosis.table import Estimate, linearised
 from mjfish.effects import Effect
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.formats import number
-from mjfish.model.model import asked_motion, driven
+from mjfish.model.model import driven, requested_motion
 from mjfish.numerics.arrays import FloatArray
 
 #: A phase that is this far ahead [rad], as that of next to no delay may be by rounding, is not almost a beat behind.
@@ -42,8 +42,8 @@ def _lags(
 ) -> FloatArray:
     """Return the delay (1,) [ms] of the beat in the second half of a run, where starts and steps have died away."""
     everything = {**refit.problem.fixed, **values}
-    asked = asked_motion(refit.problem.model.fish.cpg, trial, refit.problem.model.step)
-    got = driven(asked, tuple((effect, tuple(effect.own_values(everything).items())) for effect in servos))
+    asked = requested_motion(refit.problem.model.fish.cpg, trial, refit.problem.model.step)
+    got = driven(asked, tuple((effect, tuple(effect.short_values(everything).items())) for effect in servos))
     later = asked.time[1:] > 0.5 * (trial.time[0] + trial.time[-1])
     beat = np.hanning(later.sum()) * np.exp(-1j * np.interp(asked.time[1:][later], trial.time, phase))
     lag = np.angle((beat @ asked.angle[later, 2, -1]) / (beat @ got.angle[later, 2, -1]))

@@ -45,7 +45,7 @@ class Estimate:
     high: float
     unit: str
     at_bound: bool = False
-    known: KnownNumber | None = None
+    known: PriorDeviation | None = None
     settled: bool = True
 
     @property
@@ -73,7 +73,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class KnownNumber:
+class PriorDeviation:
     """What was known of a number: its mean and sd, and how many sds the estimate is away (`Parameter.deviation`)."""
 
     mean: float
@@ -118,7 +118,7 @@ def estimates(found: Fit, model: Model) -> dict[str, Estimate]:
             settled = low > p.low or high < p.high
             low = declared.get(p.name, p).low if low <= p.low else low
             value = p.default if p.shape and length == 0.0 else found.values[p.name]
-            known = None if p.sd is None else KnownNumber(p.expected, p.sd, float(p.deviation(value)))
+            known = None if p.sd is None else PriorDeviation(p.expected, p.sd, float(p.deviation(value)))
             result[p.name] = Estimate(value, low, high, p.unit, bool(at_bound), known, settled)
     return result
 
@@ -221,12 +221,12 @@ class Row:
         return p_value_of(self.gain, self.degrees_of_freedom)
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """What is left beyond chance, as a share of all there was to explain; 1 where it was not asked."""
         return self._share(self.excess)
 
     @property
-    def left_interval(self) -> tuple[float, float]:
+    def remaining_interval(self) -> tuple[float, float]:
         """Its 95 % interval: a statistic of r degrees of freedom, e beyond chance, has the variance 2 r + 4 e.
 
         0 to 1 where it was not asked.
@@ -250,7 +250,7 @@ class Row:
 
     def tolerated(self, limits: Thresholds = THRESHOLDS) -> float:
         """Return the share that these causes may leave, systematic as it is."""
-        return limits.exact if self.learned or all(without_form(name) for name in self.mechanisms) else limits.left
+        return limits.exact if self.learned or all(without_form(name) for name in self.mechanisms) else limits.remaining
 
     def stays(self, limits: Thresholds = THRESHOLDS) -> bool:
         """Return whether the data cannot tell it from the best."""
@@ -267,8 +267,8 @@ class Row:
         even where no test sees it; three, which are rarer than a cause that nobody listed, nothing that a test sees.
         """
         count = len(self.names)
-        clean = self.clean(limits) and (count == 1 or self.left < limits.left)
-        return clean or (count < LARGEST and self.left < self.tolerated(limits))
+        clean = self.clean(limits) and (count == 1 or self.remaining < limits.remaining)
+        return clean or (count < LARGEST and self.remaining < self.tolerated(limits))
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""
@@ -278,8 +278,8 @@ class Row:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
         asked = {
             "goodness": self.fit_p / limits.goodness,
-            "left": self.left / self.tolerated(limits),
-            "resembles": self.left / limits.resembles,
+            "left": self.remaining / self.tolerated(limits),
+            "resembles": self.remaining / limits.resembles,
         }
         return {
             "keep": self.rival_p / limits.keep,
@@ -289,7 +289,7 @@ class Row:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as ``diagnosis.json`` has it."""
-        left, interval = (self.left, [*self.left_interval]) if self.tests else (None, None)
+        left, interval = (self.remaining, [*self.remaining_interval]) if self.tests else (None, None)
         return {**fields_of(self), "left": left, "left_interval": interval, "distances": self.distances()}
 
 

@@ -24,9 +24,9 @@ class Thresholds:
             sets one has a least p value below 0.02, 0.003; of 16 sets that were named where the true mechanism was not
             in the catalogue four have one between 0.001 and 0.005 (docs/notes/045). A set fails, too, that loses on the
             held-out trials what a true one would lose with a probability below this.
-        left: share of all there was to explain that a set may leave: a cause's form is a model, too. Several causes may
-            leave no more even where no test sees it. A set fails whose error on the held-out trials is larger by this
-            share than without it.
+        remaining: share of all there was to explain that a set may leave: a cause's form is a model, too. Several
+            causes may leave no more even where no test sees it. A set fails whose error on the held-out trials is
+            larger by this share than without it.
         exact: the same where all mechanisms are numbers without a form, or a form is learned: there is no other one
             that could leave it.
         resembles: up to this share, a set is like the truth if nothing else is. A pair that leaves more gets no third
@@ -40,7 +40,7 @@ class Thresholds:
     keep: float = 0.05
     close: float = 2.0 * float(np.log(10.0))
     goodness: float = 5e-3
-    left: float = 0.1
+    remaining: float = 0.1
     exact: float = 0.03
     resembles: float = 1.0 / 3.0
     tenfold: float = 10.0

@@ -25,14 +25,14 @@ class Decision:
         verdict: the verdict.
         sets: of causes.
         message: in a sentence.
-        left: behind it, of what is named: what it leaves, in words.
+        remark: behind it, of what is named: what it leaves, in words.
         closest: the single cause that comes closest, where none explains the misfit; else none.
     """
 
     verdict: Verdict
     sets: tuple[Names, ...]
     message: str
-    left: str = ""
+    remark: str = ""
     closest: Names = ()
 
     @property
@@ -106,7 +106,7 @@ def decide_beside(table: Table, limits: Thresholds = THRESHOLDS) -> Decision:
         rows = comparison.retained(clean=clean, limits=limits)
         if comparison is single and not clean and rows and one_mechanism(rows):
             first = min(rows, key=lambda row: row.behind)
-            tolerance = min(limits.left, limits.tenfold * first.left)
+            tolerance = min(limits.remaining, limits.tenfold * first.remaining)
             alike = single.similar(first, tolerance, limits)
             rows = [*rows, *(row for row in alike if row not in rows)]
         if rows and one_mechanism(rows):
@@ -135,14 +135,14 @@ def _undecided(choice: str) -> str:
 
 def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision | None:
     """Rule where no single cause leaves little: if the best explains most, and few come near; None else."""
-    if best.left >= limits.resembles or best.fails(limits):
+    if best.remaining >= limits.resembles or best.fails(limits):
         return None
     similar = comparison.similar(best, limits.resembles, limits)
     if len({row.mechanisms for row in similar}) > LARGEST:
         return None
     alike = one_mechanism(similar) and len(similar) > 1
     what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))
-    choice = f"{what} explains {percent(1.0 - best.left)} of it and leaves something systematic: {_OTHERWISE}"
+    choice = f"{what} explains {percent(1.0 - best.remaining)} of it and leaves something systematic: {_OTHERWISE}"
     return Decision("cannot_tell", _sets(similar), _undecided(choice))
 
 
@@ -152,7 +152,7 @@ def _alone(rows: Sequence[Row], limits: Thresholds) -> Decision:
     p = first.p_value
     if p < limits.keep:
         clean = first.clean(limits)
-        left = "" if clean else f" It leaves {percent(first.left)} of the misfit: {_OTHERWISE}."
+        left = "" if clean else f" It leaves {percent(first.remaining)} of the misfit: {_OTHERWISE}."
         return Decision("named", _sets(rows), message_of(rows, claimed=clean) + left, left)
     choice = f"{_listed([first.names])} fits, but explains no more than chance does (p = {p_value(p)})"
     return Decision("cannot_tell", (first.names,), _undecided(choice))
@@ -194,7 +194,7 @@ def message_of(rows: Sequence[Row], *, claimed: bool) -> str:
 
 
 def _why(best: Row, limits: Thresholds) -> str:
-    left = f"leaves {percent(best.left)} of the misfit, and what it leaves is systematic"
+    left = f"leaves {percent(best.remaining)} of the misfit, and what it leaves is systematic"
     return left if not best.fits(limits) else failing(best.held_out, limits) if best.fails(limits) else "is rejected"
 
 

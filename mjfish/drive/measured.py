@@ -140,7 +140,7 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     def log_determinant(log_penalty: float) -> float:
         return 2.0 * float(np.sum(np.log(linalg.cholesky_banded(bands(log_penalty))[-1])))
 
-    def left(log_penalty: float) -> float:
+    def residual_degrees_of_freedom(log_penalty: float) -> float:
         """Return n - tr H = d log det(N + lam R) / d log lam, banded and so linear in n."""
         rise = log_determinant(log_penalty + _DIFFERENCE) - log_determinant(log_penalty - _DIFFERENCE)
         return max(float(rise / (2.0 * _DIFFERENCE * np.log(10.0))), 1e-9 * n)
@@ -152,7 +152,7 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
         return coefficients, float(residual @ residual)
 
     def score(log_penalty: float) -> float:
-        dear = n - _DEAR * (n - left(log_penalty))
+        dear = n - _DEAR * (n - residual_degrees_of_freedom(log_penalty))
         # Where the spline costs more than there is, the score falls towards where it does not.
         return n * fitted(log_penalty)[1] / dear**2 if dear > 0.0 else worst * (2.0 - dear / n)
 
@@ -160,8 +160,10 @@ def smoothing(time: FloatArray, signal: FloatArray, share: float = 1.0, ease: Fl
     penalty = float(best.x) + np.log10(share)
     coefficients, squares = fitted(penalty)
     # tr (1 - H)^2 = (1 - d / d log lam) tr (1 - H)
-    bend = (left(penalty + _SECOND) - left(penalty - _SECOND)) / (2.0 * _SECOND * np.log(10.0))
-    free = left(penalty)
+    bend = (residual_degrees_of_freedom(penalty + _SECOND) - residual_degrees_of_freedom(penalty - _SECOND)) / (
+        2.0 * _SECOND * np.log(10.0)
+    )
+    free = residual_degrees_of_freedom(penalty)
     sigma = float(np.sqrt(squares / max(free - bend, 1e-9 * n)))
     intensity = np.full(n - 1, sigma**2 / (10.0**penalty * scale)) * ease
     return Smoothing(BSpline(knots, coefficients, _DEGREE), sigma, intensity, design, bands(penalty), n - free)

@@ -16,7 +16,7 @@ from mjfish.effects.calibration import SPRING_BALANCE, Calibration
 from mjfish.effects.mechanism import MECHANISMS, Domain
 from mjfish.errors import ParameterError, UnknownNameError
 from mjfish.fish import KINDS, Fish
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.hydro.load import PARAMETERS, Load
 from mjfish.numerics.arrays import FloatArray
 from mjfish.parameters import Parameter
@@ -127,7 +127,7 @@ class Effect(ABC):
             return "the joint angles were measured, so no servo stands between them and the model"
         return ""
 
-    def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
+    def parameter_priors(self, dataset: Dataset) -> dict[str, ParameterPrior]:
         """Return what `dataset` says is not known well of how it was taken, by full name of a parameter.
 
         The effect is then a part of the nominal model.
@@ -243,7 +243,7 @@ class Effect(ABC):
         """Return whether the effect acts through this hook."""
         return getattr(cls, hook) is not getattr(Effect, hook)
 
-    def own_values(self, values: Values) -> dict[str, float]:
+    def short_values(self, values: Values) -> dict[str, float]:
         """Return the effect's parameters by short names, from values by full names."""
         return {p.short: values[p.name] for p in self.parameters}
 

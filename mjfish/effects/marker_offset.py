@@ -7,7 +7,7 @@ import numpy as np
 from mjfish.data import Dataset, Trial
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.fish import frames
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.numerics.arrays import FloatArray
 from mjfish.parameters import Parameter
 
@@ -38,14 +38,14 @@ class MarkerOffset(Effect):
     confirm = "measure where the marker sits, or turn the fish by hand about its nose in the camera's view"
     fingerprint = Fingerprint(exponent=0.0, part="everywhere")
 
-    def beforehand(self, dataset: Dataset) -> dict[str, Beforehand]:
+    def parameter_priors(self, dataset: Dataset) -> dict[str, ParameterPrior]:
         """Say that a point is somewhere on the head, where nobody said where it is."""
         if all(sensor.placed for trial in dataset.trials for sensor in trial.sensors):
             return {}
         along = _SOMEWHERE * dataset.fish.links[0].length
         return {
-            "marker_offset.along": Beforehand(mean=0.0, sd=along),
-            "marker_offset.across": Beforehand(mean=0.0, sd=_ASIDE),
+            "marker_offset.along": ParameterPrior(mean=0.0, sd=along),
+            "marker_offset.across": ParameterPrior(mean=0.0, sd=_ASIDE),
         }
 
     def reading(self, state: FloatArray, values: Values, trial: Trial) -> FloatArray:

@@ -48,7 +48,7 @@ def first_size(problem: Problem, found: Fit, left: NoiseSample, plain: Noise) ->
         [block[:, :, :1], trial.time[mask][:, None, None] * block[:, :, :1]]
         for block, trial, mask in zip(slopes, left.trials, left.masks, strict=True)
     ]
-    left = left.without_own([np.concatenate(pair, axis=2) for pair in levels])
+    left = left.without_trial_columns([np.concatenate(pair, axis=2) for pair in levels])
     modes = {
         trial.name: np.zeros((len(trial.time), *block.shape[1:]))
         for trial, block in zip(left.trials, slopes, strict=True)

@@ -36,7 +36,7 @@ from mjfish.estimation.settings import Loss
 from mjfish.execution import mapped
 from mjfish.numerics.arrays import BoolArray, FloatArray
 from mjfish.numerics.block_angular import BlockAngular
-from mjfish.numerics.sized_cache import Remade, always
+from mjfish.numerics.sized_cache import Recomputable, always
 from mjfish.parameters import Parameter, bounds
 
 #: A column shorter than this share of the longest counts as that long: what does nothing stays.
@@ -339,7 +339,7 @@ def fit(
     try:
         with threadpool_limits(1, "blas"):  # matrices of nine columns: more threads only wait for each other
             found = minimise(problem, x0, within, tolerance, evaluations, loss, loss_scale)
-        x, at_bound = _settle(found.x, low, high, found.gradient)
+        x, at_bound = _onto_bounds(found.x, low, high, found.gradient)
         end = End(x, found.x, at_bound, found.status, found.message, found.evaluations, found.cost)
         return _fit_at(_Ended(problem, end, loss, loss_scale), found.residual, found.jacobian)
     except MjfishError:
@@ -432,8 +432,8 @@ def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:
         parameters=problem.parameters,
         x=end.x,
         sse=float(residual @ residual),
-        residuals=Remade(ended.residual, residual),
-        linearised=Remade(ended.linearised, linearised),
+        residuals=Recomputable(ended.residual, residual),
+        linearised=Recomputable(ended.linearised, linearised),
         reach=reach,
         at_bound=end.at_bound,
         status="diverged" if divergence else end.status,
@@ -448,7 +448,7 @@ def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:
 def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
     """Return a fit that failed, at its start: as far off as one that diverged, and no derivative known."""
     count = len(x)
-    residual, free = np.full(problem.measured + len(problem.known), LOST), np.zeros(count, dtype=np.bool_)
+    residual, free = np.full(problem.measured + len(problem.with_priors), LOST), np.zeros(count, dtype=np.bool_)
     unknown = np.full(count, _UNKNOWN)
     return Fit(
         parameters=problem.parameters,
@@ -465,7 +465,9 @@ def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
     )
 
 
-def _settle(x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _onto_bounds(
+    x: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     """Put estimates that the fit pushes against a bound onto it (the fit itself stays strictly inside)."""
     near = _AT_BOUND * (high - low)
     at_low = (x - low < near) & (gradient > 0.0)

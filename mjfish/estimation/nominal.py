@@ -14,7 +14,7 @@ from mjfish.effects import catalogue
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.estimation import clocks
 from mjfish.estimation.problem import Problem, nuisances
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.noise.autoregressive import FLOOR, floor
@@ -40,7 +40,7 @@ def nominal_problem(
         UnknownNameError: something is known of a number that there is not.
         InputError, ParameterError: what is known contradicts itself.
     """
-    given = _beforehand(dataset)
+    given = _parameter_priors(dataset)
     known = (effect for name, effect in catalogue().items() if any(key.startswith(f"{name}.") for key in given))
     model = Model(dataset.fish, tuple(known))
     free_clock, nominal = dataset.clock == "free", tuple(effect.name for effect in model.effects)
@@ -72,13 +72,13 @@ def _first_sensor_sigma(dataset: Dataset, trials: tuple[Trial, ...]) -> dict[str
     return found
 
 
-def _beforehand(dataset: Dataset) -> dict[str, Beforehand]:
+def _parameter_priors(dataset: Dataset) -> dict[str, ParameterPrior]:
     """Return what is known of parameters: as the dataset says, and by how it was taken."""
-    taken = (effect.beforehand(dataset) for effect in catalogue().values())
+    taken = (effect.parameter_priors(dataset) for effect in catalogue().values())
     return {**{name: known for own in taken for name, known in own.items()}, **dataset.known}
 
 
-def _declared(given: Mapping[str, Beforehand], parameters: Sequence[Parameter]) -> dict[str, Parameter]:
+def _declared(given: Mapping[str, ParameterPrior], parameters: Sequence[Parameter]) -> dict[str, Parameter]:
     """Return the declarations of the parameters of which something is known, by name."""
     declared: dict[str, Parameter] = {}
     for pattern, known in given.items():

@@ -13,7 +13,7 @@ from scipy import signal
 
 from mjfish.data import Trial
 from mjfish.fish import Cpg
-from mjfish.model import asked_motion
+from mjfish.model import requested_motion
 from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.rollout import STEP
 
@@ -28,7 +28,7 @@ def beat_phase(cpg: Cpg | None, trial: Trial) -> FloatArray:
     if trial.joint_angle is not None:
         angle = trial.joint_angle[:, -1]
         return np.asarray(np.unwrap(np.angle(signal.hilbert(angle - angle.mean()))))
-    motion = asked_motion(cpg, trial, STEP)
+    motion = requested_motion(cpg, trial, STEP)
     time = np.arange(0.0, motion.time[-1], 0.01)
     angle = motion.angle_at(time)[:, -1]
     slow = signal.sosfiltfilt(signal.butter(2, 0.5, fs=100.0, output="sos"), angle)  # a turn's bias comes as a step

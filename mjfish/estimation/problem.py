@@ -50,14 +50,14 @@ class Slopes:
 
     Attributes:
         shared: (s,) places of the columns that all trials have.
-        own: (k_r,) a trial, places of those that it alone has.
+        per_trial: (k_r,) a trial, places of those that it alone has.
         velocity: (n_r, 3, s + k_r) a trial, of its counted samples, in physical units: shared columns, then its own.
         sensors: (m, s + k_r) rows of each sensor of each trial, whitened.
         lost: parameters whose derivatives are not finite somewhere; they are 0 there. By name, with the first place.
     """
 
     shared: IntArray
-    own: list[IntArray]
+    per_trial: list[IntArray]
     velocity: list[FloatArray]
     sensors: list[FloatArray]
     lost: Mapping[str, str] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class Slopes:
     @property
     def count(self) -> int:
         """Number of columns."""
-        return len(self.shared) + sum(map(len, self.own))
+        return len(self.shared) + sum(map(len, self.per_trial))
 
 
 @dataclass(frozen=True)
@@ -151,26 +151,26 @@ class Problem:
         return tuple(effect for effect in self.model.effects if effect.name not in self.nominal)
 
     @cached_property
-    def known(self) -> tuple[int, ...]:
+    def with_priors(self) -> tuple[int, ...]:
         """Places of the free parameters of which more than bounds is known.
 
         Each is a row of data more, behind those of velocities and sensors: its `deviation`, of mean 0 and variance 1.
         """
         return tuple(i for i, p in enumerate(self.parameters) if p.sd is not None)
 
-    def known_rows(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def deviation_rows(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return residuals (k,) of the known parameters, expected less found in units of their sds; derivatives (k, p).
 
         The derivatives are of what was found, as those of a prediction.
         """
-        rates, by_name = np.zeros((len(self.known), len(x))), self.known_rates(x)
-        for row, i in enumerate(self.known):
+        rates, by_name = np.zeros((len(self.with_priors), len(x))), self.deviation_rates(x)
+        for row, i in enumerate(self.with_priors):
             rates[row, i] = by_name[self.parameters[i].name]
-        return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.known]), rates
+        return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.with_priors]), rates
 
-    def known_rates(self, x: FloatArray) -> dict[str, float]:
+    def deviation_rates(self, x: FloatArray) -> dict[str, float]:
         """Return the rate of each known parameter's `deviation` by its value, by name."""
-        known = [(self.parameters[i], float(x[i])) for i in self.known]
+        known = [(self.parameters[i], float(x[i])) for i in self.with_priors]
         return {p.name: p.deviation_rate(value) for p, value in known}
 
     @cached_property
@@ -238,17 +238,17 @@ class Problem:
         return {key: plain(value) for key, value in fields.items()}
 
     def residual(self, x: FloatArray) -> FloatArray:
-        """Return whitened residuals (measured - predicted): velocities of all trials, sensors of all, `known_rows`.
+        """Return whitened residuals (measured - predicted): velocities of all trials, sensors of all, `deviation_rows`.
 
         Rows of velocities that were not measured are zero, here and in the derivatives.
         """
         measured = self._stack(self._run(x))
-        return np.concatenate([measured, self.known_rows(x)[0]]) if self.known else measured
+        return np.concatenate([measured, self.deviation_rows(x)[0]]) if self.with_priors else measured
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
         """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
         return [
-            left(trial, predicted.velocity)[self.mask(i)]
+            velocity_residual(trial, predicted.velocity)[self.mask(i)]
             for i, (trial, predicted) in enumerate(zip(self.trials, self._run(x), strict=True))
         ]
 
@@ -256,11 +256,11 @@ class Problem:
         """Return the residuals as one column, (n_r, 3, 1) a trial, and those of the sensors (m, 1), whitened."""
         predicted = self._run(x)
         velocity = [
-            left(trial, own.velocity)[self.mask(i)][:, :, None]
+            velocity_residual(trial, own.velocity)[self.mask(i)][:, :, None]
             for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True))
         ]
         one = np.zeros(1, dtype=np.intp)
-        sensors = [block[:, None] for block in self._sensors_left(predicted)]
+        sensors = [block[:, None] for block in self._sensor_residuals(predicted)]
         return Slopes(one, [one[:0]] * len(self.trials), velocity, sensors)
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
@@ -289,18 +289,18 @@ class Problem:
         return [*places, "what was known beforehand"][min(int(np.argmax(~np.isfinite(residual))), len(places))]
 
     def jacobian(self, x: FloatArray) -> BlockAngular:
-        """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `known_rows`."""
+        """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `deviation_rows`."""
         shared, own, found = self._slopes_by_trial(x, self.parameters)
         rows = self._stacked(shared, own, (one for one, _ in found), self.measured)
-        return rows.above(self.known_rows(x)[1])
+        return rows.above(self.deviation_rows(x)[1])
 
     def jacobian_of(self, slopes: Slopes, x: FloatArray) -> BlockAngular:
         """Return the same of derivatives by all free parameters that are known already."""
-        return self._measured_rows(slopes).above(self.known_rows(x)[1])
+        return self._measured_rows(slopes).above(self.deviation_rows(x)[1])
 
     def rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as rows (n, k) of the whitened residual: zeros in those of known parameters."""
-        return self._measured_rows(slopes).above(np.zeros((len(self.known), slopes.count)))
+        return self._measured_rows(slopes).above(np.zeros((len(self.with_priors), slopes.count)))
 
     def rows_by(self, x: FloatArray, names: Sequence[str], factors: FloatArray) -> tuple[FloatArray, Mapping[str, str]]:
         """Return derivatives by shared parameters times factors (k,) as such rows (n, k), and `Slopes.lost`.
@@ -315,20 +315,20 @@ class Problem:
                 lost.update({**nowhere, **lost})
                 yield _Predicted(one.velocity * factors, tuple(block * factors for block in one.sensors))
 
-        rows = self._stacked(shared, own, scaled(), self.measured).above(np.zeros((len(self.known), len(shared))))
+        rows = self._stacked(shared, own, scaled(), self.measured).above(np.zeros((len(self.with_priors), len(shared))))
         return rows.shared, lost
 
     def velocity_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
         blocks = (_Predicted(block, ()) for block in slopes.velocity)
-        return self._stacked(slopes.shared, slopes.own, blocks, self.samples)
+        return self._stacked(slopes.shared, slopes.per_trial, blocks, self.samples)
 
     def _measured_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`measured`, k) of velocities and sensors."""
         sensors = iter(slopes.sensors)
         pairs = zip(self.trials, slopes.velocity, strict=True)
         blocks = (_Predicted(block, tuple(next(sensors) for _ in trial.sensors)) for trial, block in pairs)
-        return self._stacked(slopes.shared, slopes.own, blocks, self.measured)
+        return self._stacked(slopes.shared, slopes.per_trial, blocks, self.measured)
 
     def _stacked(
         self, places: IntArray, own: Sequence[IntArray], blocks: Iterable[_Predicted], rows: int
@@ -460,7 +460,9 @@ class Problem:
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
         names = [own[k] for k in exact]
-        slopes, read = with_sensors(model, clocks.clocked(trial, here), here, names, **self._own(trial, here))
+        slopes, read = with_sensors(
+            model, clocks.clocked(trial, here), here, names, **self._trial_arguments(trial, here)
+        )
         for column, k in enumerate(exact):
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
                 for block in (slopes, *read):
@@ -581,10 +583,10 @@ class Problem:
             if own.lost:
                 parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
             else:
-                parts.append(self.whitened(i, left(trial, own.velocity)[keep]).ravel())
-        return np.concatenate([*parts, *(self._sensors_left(predicted) if self.sensors else ())])
+                parts.append(self.whitened(i, velocity_residual(trial, own.velocity)[keep]).ravel())
+        return np.concatenate([*parts, *(self._sensor_residuals(predicted) if self.sensors else ())])
 
-    def _sensors_left(self, predicted: list[_Predicted]) -> list[FloatArray]:
+    def _sensor_residuals(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""
 
         def of_trial(index: int) -> list[FloatArray]:
@@ -613,10 +615,10 @@ class Problem:
 
     def prediction(self, trial: Trial, values: Mapping[str, float]) -> Prediction:
         """Predict one trial, its start and its clocks from `values` where they are free."""
-        return self.model.predict(clocks.clocked(trial, values), values, **self._own(trial, values))
+        return self.model.predict(clocks.clocked(trial, values), values, **self._trial_arguments(trial, values))
 
     @staticmethod
-    def _own(trial: Trial, values: Mapping[str, float]) -> dict[str, Any]:
+    def _trial_arguments(trial: Trial, values: Mapping[str, float]) -> dict[str, Any]:
         """Return what `Model.predict` takes of a trial alone: velocity and pose at the start, clock offsets."""
         velocity, pose = None, None
         if not trial.starts_at_rest:
@@ -635,7 +637,7 @@ class Problem:
 _SEES_POSE = {"position": POSE, "heading": POSE[2:]}
 
 
-def left(trial: Trial, predicted: FloatArray) -> FloatArray:
+def velocity_residual(trial: Trial, predicted: FloatArray) -> FloatArray:
     """Return measured less predicted velocities (n, 3), zero of those that were not measured."""
     if trial.measured.all():
         return np.asarray(trial.velocity - predicted)

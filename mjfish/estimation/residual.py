@@ -35,7 +35,7 @@ class ChannelError:
         unit: of it.
         time: (n,) of its scored samples [s].
         measured: (n,) there.
-        left: (n,) measured less predicted.
+        residual: (n,) measured less predicted.
         ends: least and largest value of all samples of the trial.
     """
 
@@ -43,7 +43,7 @@ class ChannelError:
     unit: str
     time: FloatArray
     measured: FloatArray
-    left: FloatArray
+    residual: FloatArray
     ends: tuple[float, float]
 
 
@@ -87,7 +87,7 @@ class Score:
         whitened: the scored residuals of velocities and sensors in the metric of the noise, (rows,) per trial.
         sensors: per trial, those of its sensors.
         channels: per trial, what is left of its channels.
-        own: per trial, its own parameters.
+        trial_parameters: per trial, its own parameters.
     """
 
     residuals: tuple[FloatArray, ...]
@@ -95,7 +95,7 @@ class Score:
     whitened: tuple[FloatArray, ...]
     sensors: tuple[tuple[SensorResidual, ...], ...] = ()
     channels: tuple[tuple[ChannelError, ...], ...] = ()
-    own: tuple[FloatArray, ...] = ()
+    trial_parameters: tuple[FloatArray, ...] = ()
 
     @property
     def nbytes(self) -> int:
@@ -134,7 +134,7 @@ def held_out_covariance_root(
     Args:
         fitted, found: the problem and its fit.
         trials: held out.
-        own: parameters of each of them, see `Score`.
+        trial_parameters: parameters of each of them, see `Score`.
     """
     rows = [i for i, p in enumerate(found.parameters) if ":" not in p.name]
     values, vectors = np.linalg.eigh(found.covariance[np.ix_(rows, rows)])
@@ -175,7 +175,7 @@ def _alone(fitted: Problem, values: Mapping[str, float], trial: Trial) -> tuple[
     return replace(alone, windows=((float(np.nextafter(split, np.inf)), np.inf),)), first
 
 
-def own_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
+def trial_parameters(fitted: Problem, values: Mapping[str, float], trials: Sequence[Trial]) -> dict[str, float]:
     """Return the parameters of trials that were not fitted, each fitted to all of its trial with the others frozen."""
     shared = {name: value for name, value in {**fitted.fixed, **values}.items() if ":" not in name}
     found: dict[str, float] = {}

@@ -45,7 +45,7 @@ from mjfish.estimation.fit import Fit
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.serial_correlation import Block, serial_blocks
 from mjfish.fish.frames import CHANNELS
-from mjfish.model import asked_motion
+from mjfish.model import requested_motion
 from mjfish.noise import Autoregressive
 from mjfish.noise.autoregressive import by_order, highest_order, lagged_products, products_and_pairs
 from mjfish.numerics.arrays import FloatArray
@@ -393,7 +393,7 @@ class _Setting:
         omega = self._quadratic(series.trial, np.hstack([columns, cleared, shared]))
         before, after, mixed = omega[:main, :main], omega[d : 2 * d, d : 2 * d], omega[d : 2 * d, 2 * d :]
         if run >= 0:  # what is known of the trial's own parameters
-            mine, q = self.basis.own[run]
+            mine, q = self.basis.per_run[run]
             behind = -q[mine >= self.problem.measured] @ taken
             after = after + behind.T @ behind
             mixed = mixed + behind.T @ self.basis.shared[mine[mine >= self.problem.measured]]
@@ -461,7 +461,7 @@ def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
     trial = problem.trials[index]
     sensors = {sensor.name: sensor.time for sensor in trial.sensors}
     time = sensors[series] if series else trial.time[problem.mask(index)]
-    motion = asked_motion(problem.model.fish.cpg, trial, STEP)
+    motion = requested_motion(problem.model.fish.cpg, trial, STEP)
     moving = np.flatnonzero(np.ptp(motion.angle, axis=(0, 1)) > 0.0)
     values = np.zeros((len(time), len(LAG)))
     for first in range(0, len(time) if len(moving) else 0, _SAMPLES):

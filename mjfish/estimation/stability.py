@@ -124,7 +124,7 @@ class Reduced:
 
     Attributes:
         trials: names.
-        found: covariance of the residuals in time.
+        serial: covariance of the residuals in time.
         bases: Q_r (n_r, 3, k) of every trial.
         factors: (trials, k, p) R_r.
         residual: (trials, k) Q_r' e_r.
@@ -132,7 +132,7 @@ class Reduced:
     """
 
     trials: tuple[str, ...]
-    found: Serial
+    serial: Serial
     bases: tuple[FloatArray, ...]
     factors: FloatArray
     residual: FloatArray
@@ -290,7 +290,7 @@ def _f_test(small: Reduced, columns: FloatArray) -> tuple[float, tuple[float, fl
     values, vectors = np.linalg.eigh(u @ np.swapaxes(u, 1, 2) + (few * sign) @ np.swapaxes(few, 1, 2))
     roots = vectors * np.sqrt(np.maximum(checked(values), 0.0))[:, None, :]
     parts = enumerate(zip(small.bases, roots, strict=True))
-    moments = np.sum([small.found.moments(r, q @ root, total=True) for r, (q, root) in parts], axis=0)
+    moments = np.sum([small.serial.moments(r, q @ root, total=True) for r, (q, root) in parts], axis=0)
     second = max(float(satterthwaite(*moments)[0]), 1.0)
     inside = np.einsum("rki,rk->i", few, small.residual)
     explained = np.sum(np.einsum("rki,rk->ri", u, small.residual) ** 2) + inside**2 @ sign

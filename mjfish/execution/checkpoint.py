@@ -16,7 +16,7 @@ from mjfish.files.writing import make_folder
 SCHEMA = 1
 
 
-class Kept:
+class Checkpoint:
     """Parts of a computation that takes the same steps whenever it is given the same input.
 
     A file holds one part, named by the hash of the input, the number of the step and the name of the part in it. Two

@@ -22,7 +22,7 @@ import cloudpickle
 from threadpoolctl import threadpool_limits
 
 from mjfish.errors import WorkerError
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 from mjfish.execution.executors import fan_out
 from mjfish.progress import Meter
 
@@ -42,14 +42,14 @@ class Execution:
     Attributes:
         jobs: threads.
         executor: takes whole fits in place of the threads; None: they do those as well.
-        kept: where finished refits of a diagnosis are kept; None: nowhere.
+        checkpoint: where finished refits of a diagnosis are kept; None: nowhere.
         limit: seconds that one try of a candidate may take.
         meter: of the work that is done.
     """
 
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     executor: Executor | None = None
-    kept: Kept | None = None
+    checkpoint: Checkpoint | None = None
     limit: float = math.inf
     meter: Meter = _UNHEARD
 
@@ -66,7 +66,7 @@ def execution() -> Execution:
 def executing(
     jobs: int | None = None,
     executor: Executor | None = None,
-    kept: Kept | None = None,
+    checkpoint: Checkpoint | None = None,
     limit: float | None = None,
     meter: Meter | None = None,
 ) -> Iterator[None]:
@@ -78,7 +78,13 @@ def executing(
         ...     execution().jobs
         2
     """
-    given: dict[str, Any] = {"jobs": jobs, "executor": executor, "kept": kept, "limit": limit, "meter": meter}
+    given: dict[str, Any] = {
+        "jobs": jobs,
+        "executor": executor,
+        "checkpoint": checkpoint,
+        "limit": limit,
+        "meter": meter,
+    }
     here = replace(execution(), **{name: value for name, value in given.items() if value is not None})
     token = _CURRENT.set(here)
     try:
@@ -101,7 +107,7 @@ def completed(
         sent: to the executor, if there is one; its workers have one thread.
     """
     here, context = execution(), contextvars.copy_context()
-    context.run(_CURRENT.set, replace(here, executor=None, kept=None))
+    context.run(_CURRENT.set, replace(here, executor=None, checkpoint=None))
     if sent and here.executor is not None:
         told = cloudpickle.dumps((function, here.limit))
         for place, answer in fan_out(_answer, [(told, cloudpickle.dumps(task)) for task in tasks], here.executor):

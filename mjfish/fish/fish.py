@@ -24,8 +24,8 @@ from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.files import tomlfile
 from mjfish.files.tomlfile import Table, complaining
 from mjfish.files.writing import exists
-from mjfish.fish import parameter_priors as known_numbers
-from mjfish.fish.parameter_priors import Known
+from mjfish.fish import parameter_priors
+from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
 
 #: Kinds of coefficients, in the order of [Yu2016], Table III.
@@ -205,7 +205,7 @@ class Fish(Table):
     coefficients: Coefficients
     cpg: Cpg | None = None
     servo: Servo | None = None
-    known: tuple[Known, ...] = ()
+    known: tuple[FishParameterPrior, ...] = ()
 
     def __init__(self, **keys: object) -> None:
         """Make a fish by hand; what is wrong is said as of a file."""
@@ -217,14 +217,14 @@ class Fish(Table):
     @model_validator(mode="before")
     @classmethod
     def _split(cls, raw: object) -> object:
-        plain, known = known_numbers.split(raw)
+        plain, known = parameter_priors.split(raw)
         return {**plain, "known": tuple(known)} if known and isinstance(plain, dict) else plain
 
     @model_serializer(mode="wrap")
     def _joined(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
         table = handler(self)
         table.pop("known", None)
-        return known_numbers.joined(table, self.known)
+        return parameter_priors.joined(table, self.known)
 
     @model_validator(mode="after")
     def _consistent(self) -> Fish:
@@ -324,7 +324,7 @@ class Fish(Table):
     @property
     def numbers(self) -> tuple[Parameter, ...]:
         """The other numbers that are free, such as ``mass.head``, as declared parameters."""
-        return tuple(known_numbers.parameters(self.known, self))
+        return tuple(parameter_priors.parameters(self.known, self))
 
     def with_numbers(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the numbers that are free; others in `values` are ignored.

@@ -31,7 +31,7 @@ Positive = Annotated[float, Field(gt=0.0, le=1e9)]
 Bound = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class Beforehand(Table):
+class ParameterPrior(Table):
     """What is known of one number before a fit: an sd about a mean, or a range, or both; None: as declared."""
 
     mean: Bound | None = None
@@ -48,7 +48,7 @@ class Beforehand(Table):
         return known if self.sd is None else replace(known, sd=self.sd, mean=mean)
 
 
-class Known(Beforehand):
+class FishParameterPrior(ParameterPrior):
     """What is known of a number of a fish; `place` is where it stands in the fish's table.
 
     A fish that was fitted has other values, and `mean` says what was known before.
@@ -70,7 +70,7 @@ def split(raw: object) -> tuple[object, list[dict[str, Any]]]:
     return plain, found
 
 
-def joined(table: dict[str, Any], known: Sequence[Known]) -> dict[str, Any]:
+def joined(table: dict[str, Any], known: Sequence[FishParameterPrior]) -> dict[str, Any]:
     """Return a fish's table with what is known beside its numbers: what `split` took apart."""
     for one in known:
         *path, last = one.place
@@ -108,7 +108,7 @@ def _number(table: Mapping[str, object], place: Place, found: list[dict[str, Any
         raise ValueError(f"{where}: neither sd nor low and high; add one of them, or give a plain number")
     given = {key: value for key, value in table.items() if key != "value"}
     try:
-        Beforehand.model_validate(given, strict=True)
+        ParameterPrior.model_validate(given, strict=True)
     except ValidationError as error:
         raise ValueError(complaints(where, error)) from None
     found.append({"place": place, **given})
@@ -126,7 +126,7 @@ def _may_be_free(place: Place) -> bool:
     return False
 
 
-def parameters(known: Sequence[Known], table: Any) -> Iterator[Parameter]:
+def parameters(known: Sequence[FishParameterPrior], table: Any) -> Iterator[Parameter]:
     """Yield the parameter of every number of which something is known.
 
     Args:

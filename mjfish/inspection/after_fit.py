@@ -211,13 +211,13 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     """
     rows, deviations = fit.jacobian.of_rows(slice(problem.measured, None)), -fit.residual[problem.measured :]
     left = 1.0 - np.sum((rows @ fit.covariance) * rows, axis=1)
-    told = [f":{WALK}." not in problem.parameters[i].name for i in problem.known]  # a walk is drawn, not known
+    told = [f":{WALK}." not in problem.parameters[i].name for i in problem.with_priors]  # a walk is drawn, not known
     asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
     for row in np.flatnonzero(asked):
         t = deviations[row] / np.sqrt(left[row])
         if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
             continue
-        p = problem.parameters[problem.known[row]]
+        p = problem.parameters[problem.with_priors[row]]
         alone = p.at_deviation(float(deviations[row] / left[row]))
         yield Finding(
             code="far-from-known",

@@ -175,7 +175,7 @@ def _run(trial: Trial, model: Model, shifts: FloatArray) -> _Run | None:
     short = replace(
         trial, time=trial.time[rows], velocity=trial.velocity[rows], pose=None, errors=None,
         joint_angle=None if trial.joint_angle is None else trial.joint_angle[rows],
-        sensors=tuple(sensor.kept(sensor.time <= edges[-1], "later") for sensor in seen),
+        sensors=tuple(sensor.selected(sensor.time <= edges[-1], "later") for sensor in seen),
     )  # fmt: skip
     simulated, joints = model.predict(short, model.values()), model.prepare(short, model.values()).motion
     if simulated.status != "ok":

@@ -6,11 +6,11 @@ from mjfish.model.model import (
     Model,
     Prediction,
     Prepared,
-    asked_motion,
     headed,
     joint_motion,
     numbered,
     pose_of,
+    requested_motion,
 )
 from mjfish.model.sensitivity import sensitivities, with_sensors
 
@@ -20,11 +20,11 @@ __all__ = [
     "Model",
     "Prediction",
     "Prepared",
-    "asked_motion",
     "headed",
     "joint_motion",
     "numbered",
     "pose_of",
+    "requested_motion",
     "sensitivities",
     "with_sensors",
 ]

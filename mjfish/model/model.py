@@ -180,13 +180,13 @@ class Model:
         for effect, own in active:
             fish = effect.body(fish, own)
         servos = servos_of(active, trial)
-        step = _refined(self.step, fish, asked_motion(self.fish.cpg, trial, self.step, self.penalty_share), values)
+        step = _refined(self.step, fish, requested_motion(self.fish.cpg, trial, self.step, self.penalty_share), values)
         time, begun = beginning(active, trial, velocity, offset)
         return Prepared(
             active=active,
             fish=fish,
             motion=walked(
-                joint_motion(asked_motion(self.fish.cpg, trial, step, self.penalty_share), servos),
+                joint_motion(requested_motion(self.fish.cpg, trial, step, self.penalty_share), servos),
                 trial.walk,
                 level=trial.level_walk,
             ),
@@ -212,7 +212,7 @@ def _numbered(fish: Same[Fish], values: tuple[tuple[str, float], ...]) -> Fish:
 
 def active_effects(model: Model, values: Mapping[str, float], keep: Sequence[str] = ()) -> ActiveEffects:
     """Return the effects off their null values, and those to keep, with their parameters by short names."""
-    own = [(effect, effect.own_values(values)) for effect in model.effects]
+    own = [(effect, effect.short_values(values)) for effect in model.effects]
     return tuple((effect, numbers) for effect, numbers in own if effect.name in keep or not effect.is_null(numbers))
 
 
@@ -270,7 +270,7 @@ def headed(state: FloatArray, trial: Trial) -> FloatArray:
     return state
 
 
-def asked_motion(cpg: Cpg | None, trial: Trial, step: float, share: float = measured.ALLOWED) -> JointMotion:
+def requested_motion(cpg: Cpg | None, trial: Trial, step: float, share: float = measured.ALLOWED) -> JointMotion:
     """Return the joint motion a trial asks for: the spline of its measured angles, or the CPG's."""
     if trial.joint_angle is not None:
         return _measured_motion(trial, step, share)

@@ -22,7 +22,7 @@ from mjfish.fish import Cpg, Fish
 from mjfish.fish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
-from mjfish.model import Model, Prepared, asked_motion, headed, numbered, pose_of
+from mjfish.model import Model, Prepared, headed, numbered, pose_of, requested_motion
 from mjfish.model.model import beginning, driven, joint_motion, servos_of
 from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.numerics.arrays import FloatArray, readonly
@@ -111,7 +111,7 @@ def with_sensors(
         run.fish, run.motion, [direction or Direction() for direction, _ in directions], times,
         conditions=conditions,
         inactive=[
-            (effect.load, [*effect.own_values(values).values(), *effect.constants(trial)])
+            (effect.load, [*effect.short_values(values).values(), *effect.constants(trial)])
             for effect in inactive
             if effect.load is not None
         ],
@@ -180,7 +180,7 @@ def _sensed(
         if owner is not None and camera.sees(sensor) and any(map(owner.overrides, _FILMED)):
 
             def turned(value: float, owner: Effect = owner, name: str = name) -> FloatArray:
-                other = Camera(at.trial, [(effect, dict(own)) for effect, own in at.kept(owner, (name, value))])
+                other = Camera(at.trial, [(effect, dict(own)) for effect, own in at.acting_with(owner, (name, value))])
                 return other.read(sensor, seen(other.clocked(sensor, label)) if owner.overrides("clock") else here)
 
             found[:, :, k] += difference(turned, p, at.values[name])
@@ -232,11 +232,11 @@ class _At:
         """The effects between what the joints are asked for and what they do."""
         return servos_of(self.run.active, self.trial)
 
-    def kept(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
+    def acting_with(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
         acting = {effect.name for effect, _ in self.run.active} | {owner.name}
         values = self.values if shift is None else {**self.values, shift[0]: shift[1]}
-        return tuple((e, tuple(e.own_values(values).items())) for e in self.model.effects if e.name in acting)
+        return tuple((e, tuple(e.short_values(values).items())) for e in self.model.effects if e.name in acting)
 
 
 def _owner(model: Model, name: str) -> Effect | None:
@@ -258,7 +258,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     if kind == "wave":
         return Direction(motion=_of_wave(Same(at.model.fish.cpg), at.trial, at.servos, short, at.run.step)), None
     if kind == "walk":
-        due = joint_motion(asked_motion(at.model.fish.cpg, at.trial, at.run.step), at.servos)
+        due = joint_motion(requested_motion(at.model.fish.cpg, at.trial, at.run.step), at.servos)
         return Direction(motion=along_mode(due, at.trial.walk, int(short), level=at.trial.level_walk)), None
     effect = _owner(at.model, name)
     if effect is None and name not in at.model.fish.coefficient_names:
@@ -274,18 +274,18 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     when: FloatArray | None = None
 
     def beginning_at(value: float) -> tuple[FloatArray, FloatArray]:
-        kept = tuple((each, dict(own)) for each, own in at.kept(effect, (name, value)))
+        kept = tuple((each, dict(own)) for each, own in at.acting_with(effect, (name, value)))
         return beginning(kept, at.trial, at.velocity, at.offset)
 
     if effect.overrides("start"):
         begun = difference(lambda value: beginning_at(value)[1], p, at.values[name])
     if effect.overrides("body"):
-        hooked = tuple(active for active in at.kept(effect) if active[0].overrides("body"))
+        hooked = tuple(active for active in at.acting_with(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
     if effect.overrides("drive") and (effect.of_sensors or not at.trial.joints_measured):
-        servos = servos_of([(e, dict(own)) for e, own in at.kept(effect)], at.trial)
-        asked = asked_motion(at.model.fish.cpg, at.trial, at.run.step)
+        servos = servos_of([(e, dict(own)) for e, own in at.acting_with(effect)], at.trial)
+        asked = requested_motion(at.model.fish.cpg, at.trial, at.run.step)
         motion = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
     if effect.load is not None:
         loads = np.zeros((len(at.loaded), PARAMETERS))
@@ -367,7 +367,7 @@ def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, st
 
     def moves(by: float) -> FloatArray:
         moved = {"frequency": (by, 0.0, 1.0), "phase": (0.0, by, 1.0), "scale": (0.0, 0.0, 1.0 + by)}[short]
-        got = driven(asked_motion(cpg.thing, trial.waved(*moved), step), servos)
+        got = driven(requested_motion(cpg.thing, trial.waved(*moved), step), servos)
         return _stacked(walked(got, trial.walk, level=trial.level_walk))
 
     return readonly(difference(moves, Parameter(f"wave.{short}", "-", 0.0, -1.0, 1.0, 0.0, _WAVE_SCALE), 0.0))
@@ -392,7 +392,7 @@ def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Seq
     def seen(shift: float) -> FloatArray:
         moved = state + shift * along
         for effect in readers:
-            own = effect.own_values(at.values)
+            own = effect.short_values(at.values)
             if effect is owner:
                 own[p.short] += shift
             moved = effect.reading(moved.copy(), own, at.trial)

@@ -99,7 +99,7 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
     rounding, only much larger. The others are at high frequencies, which slow and beating shapes of single trials
     leave alone; these are taken out.
     """
-    left = left.without_own_shapes()
+    left = left.without_trial_shapes()
 
     def rounded(log_share: float) -> DifferentiationNoise:
         tried = replace(noise, rounding=float(np.exp(log_share)))

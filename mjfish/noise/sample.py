@@ -45,7 +45,8 @@ class NoiseSample:
         lost: degrees of freedom per channel that it took.
         shapes: per trial, returns functions (n_r, 3, m) that the residuals of all trials may share if something is
             wrong; they are many.
-        own: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that trial alone.
+        trial_columns: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that
+            trial alone.
     """
 
     trials: tuple[Trial, ...]
@@ -56,7 +57,7 @@ class NoiseSample:
     apart: list[FloatArray]
     lost: float = 0.0
     shapes: Sequence[Callable[[], FloatArray]] | None = None
-    own: list[FloatArray] | None = None
+    trial_columns: list[FloatArray] | None = None
 
     @classmethod
     def of(
@@ -97,7 +98,7 @@ class NoiseSample:
         residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
         masks = [self.masks[i] for i in index]
         shapes = None if self.shapes is None else [self.shapes[i] for i in index]
-        own = None if self.own is None else [self.own[i] for i in index]
+        own = None if self.trial_columns is None else [self.trial_columns[i] for i in index]
         trials = tuple(self.trials[i] for i in index)
         return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes, own)
 
@@ -118,9 +119,9 @@ class NoiseSample:
 
     def without_levels(self) -> NoiseSample:
         """Return what is left when the mean of every channel of every trial is taken out."""
-        return self.without_own([np.broadcast_to(np.eye(3), (len(block), 3, 3)) for block in self.residuals])
+        return self.without_trial_columns([np.broadcast_to(np.eye(3), (len(block), 3, 3)) for block in self.residuals])
 
-    def without_own(self, blocks: Sequence[FloatArray]) -> NoiseSample:
+    def without_trial_columns(self, blocks: Sequence[FloatArray]) -> NoiseSample:
         """Return what is left when columns (n, 3, k) of every trial alone, in physical units, are taken out."""
         own = [self._flat(block) for block in blocks]
         return self.without(block_angular(np.zeros((sum(map(len, own)), 0)), self.rows, own))
@@ -130,11 +131,11 @@ class NoiseSample:
         blocks = (shape() for shape in self.shapes or [])
         return self.without(BlockAngular.of(np.concatenate([block.reshape(-1, block.shape[2]) for block in blocks])))
 
-    def without_own_shapes(self) -> NoiseSample:
+    def without_trial_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
         flat = (self._flat(shape()) for shape in self.shapes or [])
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
-        return replace(self, own=own or None)
+        return replace(self, trial_columns=own or None)
 
     def autoregressive(self) -> Autoregressive:
         """Estimate autoregressive noise, order by BIC."""
@@ -168,7 +169,7 @@ class NoiseSample:
         both = np.zeros((sum(block.size for block in self.residuals), 1 + self.span[0].shape[2]))
         for i, (trial, mask) in enumerate(zip(self.trials, self.masks, strict=True)):
             taken = [self.residuals[i][:, :, None], self.span[i], self.apart[i]]
-            taken.append(self.span[i][:, :, :0] if self.own is None else self.own[i])
+            taken.append(self.span[i][:, :, :0] if self.trial_columns is None else self.trial_columns[i])
             white = noise.whiten(trial, mask, np.concatenate(taken, axis=2)).reshape(3 * len(taken[0]), -1)
             joint, apart, own = np.split(white, np.cumsum([1 + taken[1].shape[2], taken[2].shape[2]]), axis=1)
             q, r = np.linalg.qr(own)

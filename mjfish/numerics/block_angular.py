@@ -260,7 +260,7 @@ class BlockAngular:
         """Return the factorisation J = Q R."""
         left, owns, tops, parts, count = self.shared.copy(), [], [], [], 0
         for part in self.parts:
-            (q, r), mine = _own_factors(part.block), _slice_of(part.rows)
+            (q, r), mine = _run_factors(part.block), _slice_of(part.rows)
             tops.append(q.T @ left[mine])
             left[mine] -= q @ tops[-1]
             owns.append((part.rows, q))
@@ -308,26 +308,26 @@ class Basis:
     """Orthonormal columns of block angular form.
 
     Attributes:
-        own: rows (m,) and orthonormal columns (m, k) of single runs.
+        per_run: rows (m,) and orthonormal columns (m, k) of single runs.
         shared: (n, s), orthonormal, and orthogonal to those.
     """
 
-    own: tuple[tuple[IntArray, FloatArray], ...]
+    per_run: tuple[tuple[IntArray, FloatArray], ...]
     shared: FloatArray
 
     @property
     def rank(self) -> int:
         """Number of columns."""
-        return int(sum(q.shape[1] for _, q in self.own) + self.shared.shape[1])
+        return int(sum(q.shape[1] for _, q in self.per_run) + self.shared.shape[1])
 
     def coordinates(self, y: FloatArray) -> FloatArray:
         """Return Q' y (rank, ...) of y (n, ...): those of single runs first."""
-        return np.concatenate([*(q.T @ y[rows] for rows, q in self.own), self.shared.T @ y])
+        return np.concatenate([*(q.T @ y[rows] for rows, q in self.per_run), self.shared.T @ y])
 
     def off(self, y: FloatArray) -> FloatArray:
         """Return y (n, ...) less its part in the span."""
         left = y - self.shared @ (self.shared.T @ y)
-        for rows, q in self.own:
+        for rows, q in self.per_run:
             left[rows] -= q @ (q.T @ y[rows])
         return np.asarray(left)
 
@@ -343,19 +343,19 @@ class Basis:
 
     @cached_property
     def _run_of(self) -> IntArray:
-        return _owners([rows for rows, _ in self.own], len(self.shared))
+        return _owners([rows for rows, _ in self.per_run], len(self.shared))
 
     def at(self, rows: IntArray) -> tuple[int, FloatArray, FloatArray]:
         """Return some rows of one run: which it is, its own columns (m, k), the shared ones (m, s)."""
         run = int(self._run_of[rows[0]]) if len(rows) else -1
         if run < 0:
             return run, np.zeros((len(rows), 0)), self.shared[rows]
-        mine, q = self.own[run]
+        mine, q = self.per_run[run]
         return run, q[np.searchsorted(mine, rows)], self.shared[rows]
 
     def places_of(self, run: int | None) -> IntArray:
         """Return where the columns of a run stand, -1 has none; None: the shared ones."""
-        ends = np.cumsum([0, *(q.shape[1] for _, q in self.own)])
+        ends = np.cumsum([0, *(q.shape[1] for _, q in self.per_run)])
         if run is None:
             return np.arange(ends[-1], self.rank)
         return np.arange(ends[run], ends[run + 1]) if run >= 0 else np.arange(0)
@@ -370,29 +370,29 @@ class Basis:
 
     def top(self, count: int) -> Basis:
         """Return the first `count` rows; the columns are no longer orthonormal."""
-        own = tuple((rows[rows < count], q[rows < count]) for rows, q in self.own)
+        own = tuple((rows[rows < count], q[rows < count]) for rows, q in self.per_run)
         return Basis(own, self.shared[:count])
 
     def leverage(self) -> FloatArray:
         """Return the squared lengths (n,) of the rows."""
         found = np.sum(self.shared**2, axis=1)
-        for rows, q in self.own:
+        for rows, q in self.per_run:
             found[rows] += np.sum(q**2, axis=1)
         return np.asarray(found)
 
     def square(self, other: Basis, weights: FloatArray) -> float:
         """Return |Q' diag(weights) P|^2, the sum of squares, of a basis P with the same runs."""
         total = np.sum(((self.shared * weights[:, None]).T @ other.shared) ** 2)
-        for rows, q in self.own:
+        for rows, q in self.per_run:
             _, own, shared = other.at(rows)
             weighed = (q * weights[rows, None]).T
             total += np.sum((weighed @ own) ** 2) + np.sum((weighed @ shared) ** 2)
-        for rows, q in other.own:
+        for rows, q in other.per_run:
             total += np.sum(((self.shared[rows] * weights[rows, None]).T @ q) ** 2)
         return float(total)
 
 
-def _own_factors(block: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _run_factors(block: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Q (m, rank) and R (rank, k) of a run's own columns: shared ones lose nothing but what is in their span."""
     q, r = np.linalg.qr(block)
     pivots = np.abs(np.diag(r))
@@ -467,13 +467,13 @@ def span(columns: BlockAngular) -> Basis:
     what these leave of the shared ones.
     """
     left = columns.shared * _scale(columns)[columns.places]
-    return Basis(tuple(_own_bases(columns, left)), _leading(left, least=1.0))
+    return Basis(tuple(_run_bases(columns, left)), _leading(left, least=1.0))
 
 
 def explained(columns: BlockAngular, y: FloatArray) -> tuple[float, int]:
     """Return |Q' y|^2 of y (n,) and the rank of Q, the `span` of the columns, of which the own part is not kept."""
     left, total, rank = columns.shared * _scale(columns)[columns.places], 0.0, 0
-    for rows, q in _own_bases(columns, left):
+    for rows, q in _run_bases(columns, left):
         total += float(np.sum((q.T @ y[rows]) ** 2))
         rank += q.shape[1]
     q = _leading(left, least=1.0)
@@ -486,7 +486,7 @@ def _scale(columns: BlockAngular) -> FloatArray:
     return np.where(lengths > 1e-300, 1.0 / np.maximum(lengths, 1e-300), 0.0)
 
 
-def _own_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+def _run_bases(columns: BlockAngular, left: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
     """Yield rows and basis of each run's own columns; they are taken out of the shared ones, `left` (n, s)."""
     scale = _scale(columns)
     for part in columns.parts:

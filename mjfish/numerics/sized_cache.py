@@ -66,9 +66,9 @@ class Budget:
         """Hold values of up to `limit` bytes."""
         self.limit = limit
         self._lock = threading.Lock()
-        self._sizes: weakref.WeakKeyDictionary[Remade[Any], int] = weakref.WeakKeyDictionary()
+        self._sizes: weakref.WeakKeyDictionary[Recomputable[Any], int] = weakref.WeakKeyDictionary()
 
-    def hold(self, one: Remade[Any], size: int) -> None:
+    def hold(self, one: Recomputable[Any], size: int) -> None:
         """Note that a value was asked for, and drop others where it is one too many."""
         with self._lock:
             self._sizes.pop(one, None)
@@ -81,12 +81,12 @@ class Budget:
                 oldest.value = None
 
 
-class Remade(Generic[L]):
+class Recomputable(Generic[L]):
     """A large value that is made again, to the last bit, where it was dropped: all take so many bytes together.
 
     Example:
         >>> import numpy as np
-        >>> squares = Remade(lambda: np.arange(4.0) ** 2)
+        >>> squares = Recomputable(lambda: np.arange(4.0) ** 2)
         >>> print(squares())
         [0. 1. 4. 9.]
         >>> squares() is squares()

@@ -15,7 +15,7 @@ from mjfish.drive import modes as table_iv
 from mjfish.effects import Causes, Effect, catalogue
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
-from mjfish.model import Model, asked_motion
+from mjfish.model import Model, requested_motion
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.run import check_can_act, sample_times
 
@@ -154,7 +154,7 @@ def _with_joints(
 ) -> Trial:
     """Return a trial from rest with recorded joint angles in place of its drive: those asked for, or those reached."""
     commanded, sigma = recording.get("joints") == "commanded", recording.get("joint_noise", 0.0)
-    motion = asked_motion(model.fish.cpg, blank, STEP) if commanded else model.prepare(blank, truth).motion
+    motion = requested_motion(model.fish.cpg, blank, STEP) if commanded else model.prepare(blank, truth).motion
     angle = motion.angle_at(trial.time)
     if not commanded:
         angle = angle + sigma * rng.standard_normal(angle.shape)

@@ -15,7 +15,7 @@ from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.estimation import fit
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.model import asked_motion
+from mjfish.model import requested_motion
 from mjfish.noise import Noise
 from mjfish.numerics.arrays import readonly
 
@@ -56,7 +56,7 @@ def test_a_lag_behind_recorded_commands_is_found() -> None:
 def test_a_command_is_held_until_the_next(hold: Hold, late: float) -> None:
     """Half a step late, on average; smoothly to the next it is not late."""
     (trial,) = commanded(0.0).trials
-    motion = asked_motion(None, replace(trial, hold=hold), 0.002)
+    motion = requested_motion(None, replace(trial, hold=hold), 0.002)
     inside = (motion.time > 0.2) & (motion.time < 3.8)
     phase = 2.0 * np.pi * 2.0 * (motion.time[inside] - late * trial.step)
     np.testing.assert_allclose(motion.angle[inside[:-1], 0, 0], (0.12 * np.sin(phase))[: inside[:-1].sum()], atol=1e-4)

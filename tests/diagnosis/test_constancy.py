@@ -12,7 +12,7 @@ from scipy import stats
 from mjfish.data import Sensor, Trial
 from mjfish.diagnosis.evidence import gather, whitened_omnibus
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import refined, refit_with
+from mjfish.diagnosis.refit import converged_formula, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.select import Goodness, excused, of_all_runs, sizes_by_run
 from mjfish.diagnosis.table import Row
@@ -63,7 +63,7 @@ def _refit(pike: Fish, trials: tuple[Trial, ...]) -> Refit:
 
 
 def _refitted(problem: Problem, cause: Effect) -> Refit:
-    return refined(refit_with(gather(problem, fit(problem), [cause]), cause), np.inf)
+    return converged_formula(refit_with(gather(problem, fit(problem), [cause]), cause), np.inf)
 
 
 def _sizes(refit: Refit, held_out: tuple[Trial, ...] = ()) -> tuple[float, int]:

@@ -34,7 +34,7 @@ from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 from mjfish.fish import load_fish
 from mjfish.model import Model
 from mjfish.parameters import Parameter
@@ -233,10 +233,10 @@ def test_where_a_pair_fails_its_members_go_on(monkeypatch: pytest.MonkeyPatch) -
         assert alone.names == ("velocity_scale",)
 
 
-@pytest.mark.parametrize("stage", ["refined", "lowest"])
+@pytest.mark.parametrize("stage", ["converged_formula", "lowest"])
 def test_a_leader_that_fails_where_it_is_followed_stays_a_row(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
     """Catches a set that failed late and is in the verdict, yet not among the candidates any more."""
-    module = sys.modules["mjfish.diagnosis.refit" if stage == "refined" else "mjfish.diagnosis.compared"]
+    module = sys.modules["mjfish.diagnosis.refit" if stage == "converged_formula" else "mjfish.diagnosis.compared"]
     honest = getattr(module, stage)
 
     def late(refit: Refit, *given: Any, **more: Any) -> Refit:
@@ -274,7 +274,7 @@ def test_refits_after_a_failure_are_kept_apart_from_those_without_it(tmp_path: P
     problem = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     evidence = gather(problem, _fit_function(problem), [effect])
     for failures in ({}, {"velocity_scale": "it took too long"}):
-        with noting(Parts(dict(failures))), executing(1, kept=Kept(tmp_path, "a")):
+        with noting(Parts(dict(failures))), executing(1, checkpoint=Checkpoint(tmp_path, "a")):
             assert len([*extended(refit_with, [effect], evidence)]) == 1
     assert len([*tmp_path.iterdir()]) == 2
 

@@ -11,7 +11,7 @@ import pytest
 
 from mjfish.diagnosis import forms as module
 from mjfish.diagnosis.evidence import DETECTED
-from mjfish.diagnosis.forms import form_in_words, left_by_others, named_mechanisms, simpler, staying
+from mjfish.diagnosis.forms import form_in_words, named_mechanisms, remainder_of_other_forms, simpler, staying
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.effects import find
@@ -103,7 +103,7 @@ def curves(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return ()
 
     monkeypatch.setattr(module, "curves_of", curves_of)
-    monkeypatch.setattr(module, "left_by_others", lambda _formula, _learned: DETECTED)
+    monkeypatch.setattr(module, "remainder_of_other_forms", lambda _formula, _learned: DETECTED)
     return seen
 
 
@@ -130,7 +130,7 @@ def test_the_level_is_the_deepest_that_stays(
 def test_a_formula_is_not_claimed_where_another_form_would_not_have_been_seen(
     curves: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "left_by_others", lambda _formula, _learned: DETECTED - 0.1)
+    monkeypatch.setattr(module, "remainder_of_other_forms", lambda _formula, _learned: DETECTED - 0.1)
     power = _refit("power", 118.0)
     (found,) = named_mechanisms(power, [power], LEARNED, None, clean=True)  # type: ignore[arg-type]
     assert (found.level, found.form, found.forms) == ("mechanism", "power", ("power",))
@@ -151,8 +151,8 @@ def test_what_other_forms_leave_grows_with_the_strength(pike: Fish) -> None:
             wide = replace(problem, model=problem.model.extended(effect))
             found = fit(wide, wide.start({**nominal.values, "power_drag.pressure": power}))
             refits.append(Refit((effect,), wide, found, nominal.sse - found.sse))
-        left.append(left_by_others(*refits) / refits[0].gain)
-        assert (left_by_others(*refits) >= DETECTED) == (power > 0.1)
+        left.append(remainder_of_other_forms(*refits) / refits[0].gain)
+        assert (remainder_of_other_forms(*refits) >= DETECTED) == (power > 0.1)
     assert 0.0 < left[0] < 1.0
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.data import Dataset
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import finer, lowest, refined, refit_with, resolved
+from mjfish.diagnosis.refit import converged_formula, finer, lowest, refit_with, resolved
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -103,7 +103,7 @@ def test_a_ringing_tail_is_found_beyond_the_local_minima_of_other_stiffnesses(
     coarse = refit_with(gather(problem, fit(problem, x), [TAIL]), TAIL)
     name = TAIL.parameters[0].name
     assert fit(coarse.problem, coarse.fit.x, tolerance=1e-5).values[name] < 0.7 * values[name]
-    wrong = refined(coarse, coarse.fit.sse)
+    wrong = converged_formula(coarse, coarse.fit.sse)
     assert wrong.fit.values[name] < 0.7 * values[name]
     found = lowest(wrong)
     assert found.fit.values[name] == pytest.approx(values[name], rel=0.02)

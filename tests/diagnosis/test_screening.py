@@ -17,7 +17,7 @@ from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.fit import multistart
 from mjfish.estimation.identification import pose
 from mjfish.fish import Fish, load_fish
-from mjfish.model import Model, asked_motion
+from mjfish.model import Model, requested_motion
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
@@ -37,7 +37,7 @@ def _problem(dataset: Dataset) -> Problem:
 def _limited(pike: Fish, sigma: FloatArray) -> tuple[Evidence, float]:
     """Return what speaks against the nominal model where the quickest joint is cut off at 98.5 %, and its slowness."""
     still = generate(pike, ["v5"], duration=2.0)
-    slowness = 1.0 / (0.985 * float(np.abs(asked_motion(pike.cpg, still.trials[0], 0.005).rate).max()))
+    slowness = 1.0 / (0.985 * float(np.abs(requested_motion(pike.cpg, still.trials[0], 0.005).rate).max()))
     values = {"servo_rate_limit.slowness": slowness}
     dataset = generate(pike, ["v1", "v3", "v5"], values=values, effects=[LIMIT], noise=sigma, duration=10.4, seed=2)
     problem = replace(_problem(dataset), noise=Noise.white(sigma))

@@ -49,7 +49,7 @@ def _second_order(omega: float, own: Mapping[str, float]) -> float:
 )
 def test_the_delay_is_the_phase_of_the_transfer_function_over_the_frequency(values: Mapping[str, float], phase) -> None:  # type: ignore[no-untyped-def]
     refit = _refit(values)
-    own = refit.effects[0].own_values(refit.fit.values)
+    own = refit.effects[0].short_values(refit.fit.values)
     slow, fast = servo_delays(refit).items()
     assert float(slow[0].removesuffix(" Hz")) < float(fast[0].removesuffix(" Hz"))
     for beat, delay in (slow, fast):

@@ -12,7 +12,7 @@ import pytest
 from mjfish.diagnosis.combinations import MENDED, _borne_out, beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
-from mjfish.diagnosis.refit import refined, refit_with
+from mjfish.diagnosis.refit import converged_formula, refit_with
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Row
 from mjfish.effects import find
@@ -34,7 +34,7 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
     problem = Problem(Model(pike), dataset.trials, Noise.white(SIGMA))
     nominal = gather(problem, fit(problem), CANDIDATES)
     alone = refit_with(nominal, find("time_offset"))
-    return nominal, refined(alone, alone.fit.sse)
+    return nominal, converged_formula(alone, alone.fit.sse)
 
 
 @pytest.mark.parametrize(("kappa", "scale", "found"), [(1.0, 0.0, True), (0.0, 0.0, False), (0.0, 0.03, False)])

@@ -7,7 +7,7 @@ import pytest
 
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import refined, refit_with
+from mjfish.diagnosis.refit import converged_formula, refit_with
 from mjfish.diagnosis.select import Goodness
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
@@ -30,7 +30,7 @@ def test_a_speed_limit_of_the_servos_beside_turned_axes_is_seen_by_its_refit_alo
     pool = generate(pike, ["v1", "v3", "v5"], values=values, effects=[turned, limit], noise=NOISE, duration=5.0, seed=3)
     problem = Problem(Model(pike), pool.trials, Noise.white(NOISE))
     evidence = gather(problem, fit(problem), [turned])
-    refit = refined(refit_with(evidence, turned), np.inf)
+    refit = converged_formula(refit_with(evidence, turned), np.inf)
     row = Goodness([limit, find("time_offset")], HeldOut(evidence, ())).of(refit, Row.of(refit.names, refit))
     unseen = row.tests["unseen causes"]
     assert (unseen < 1e-6) if hidden else (unseen > 0.01)

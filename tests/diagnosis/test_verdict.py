@@ -97,8 +97,8 @@ def test_a_verdict_goes_by_its_thresholds_alone() -> None:
     assert decide(table, Thresholds(alarm=0.03, close=40.0)).sets == (("a",), ("b",))
     little = Table(1e-6, _compared({"a": LITTLE}))
     assert decide(little).verdict == "named"
-    assert decide(little, Thresholds(left=0.01)).verdict == "cannot_tell"
-    assert decide(little, Thresholds(left=0.01, resembles=0.01)).verdict == "unexplained"
+    assert decide(little, Thresholds(remaining=0.01)).verdict == "cannot_tell"
+    assert decide(little, Thresholds(remaining=0.01, resembles=0.01)).verdict == "unexplained"
     assert "It leaves" not in decide(little, Thresholds(goodness=1e-6)).message
 
 
@@ -118,14 +118,14 @@ def test_three_causes_may_leave_nothing_that_a_test_sees() -> None:
 
 
 def test_the_remainder_is_a_share_of_what_held_out_runs_gain_too() -> None:
-    assert replace(_row("a", 60.0, LITTLE), beyond=38.0).left == pytest.approx(0.02)
+    assert replace(_row("a", 60.0, LITTLE), beyond=38.0).remaining == pytest.approx(0.02)
 
 
 def test_rivals_that_fail_are_judged_by_the_same_thresholds() -> None:
     worse = Confirmation(5.0, 0.5, 1.07, 2.0)
     comparison = _with(_compared({"a": LITTLE, "b": {**BEATEN, "behind": 1.0}}), "b", held_out=worse)
     assert _decided(comparison).sets == (("a",), ("b",))
-    assert decide(Table(1e-6, comparison), Thresholds(left=0.06)).sets == (("a",),)
+    assert decide(Table(1e-6, comparison), Thresholds(remaining=0.06)).sets == (("a",),)
 
 
 def test_the_interval_of_the_remainder_is_that_of_a_noncentral_chi_squared() -> None:
@@ -133,9 +133,9 @@ def test_the_interval_of_the_remainder_is_that_of_a_noncentral_chi_squared() -> 
     row = replace(_row("a", 100.0, GOOD), excess=50.0, rank=30)
     drawn = stats.ncx2(30, 50.0).rvs(20000, random_state=np.random.default_rng(0)) - 30
     low, high = (drawn.mean() + side * 1.96 * drawn.std() for side in (-1.0, 1.0))
-    assert row.left_interval == pytest.approx((low / (100.0 + low), high / (100.0 + high)), rel=0.03)
-    assert replace(row, excess=0.0).left_interval[0] == 0.0
-    assert _row("a", 100.0, BEATEN).left_interval == (0.0, 1.0)
+    assert row.remaining_interval == pytest.approx((low / (100.0 + low), high / (100.0 + high)), rel=0.03)
+    assert replace(row, excess=0.0).remaining_interval[0] == 0.0
+    assert _row("a", 100.0, BEATEN).remaining_interval == (0.0, 1.0)
 
 
 def test_a_row_says_how_far_its_figures_are_from_every_threshold() -> None:

@@ -16,7 +16,7 @@ from mjfish.estimation.settings import Loss
 from mjfish.execution import executing
 from mjfish.fish import Fish
 from mjfish.numerics.arrays import readonly
-from mjfish.numerics.sized_cache import Remade
+from mjfish.numerics.sized_cache import Recomputable
 from mjfish.parameters import Parameter
 
 
@@ -60,7 +60,7 @@ def test_what_is_made_again_of_a_fit_is_the_same_to_the_last_bit(pike: Fish, pos
     assert found.at_bound.any()
     before = found.residual.tobytes(), found.jacobian.dense().tobytes(), found.covariance.tobytes()
     for large in (found.residuals, found.linearised):
-        assert isinstance(large, Remade)
+        assert isinstance(large, Recomputable)
         large.value = None
     assert (found.residual.tobytes(), found.jacobian.dense().tobytes(), found.covariance.tobytes()) == before
 

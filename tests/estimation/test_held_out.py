@@ -144,7 +144,7 @@ def test_the_doubt_about_a_prediction_is_that_of_the_fit(
     trial = measured if clock else synthetic.trials[1]
     fitted = problem(synthetic, free_clock=clock)
     found = fit(problem(synthetic), tolerance=1e-6)
-    own = predict_held_out(fitted, found.values, (trial,)).own
+    own = predict_held_out(fitted, found.values, (trial,)).trial_parameters
     doubt = held_out_covariance_root(fitted, found, (trial,), own)
     slopes = []
     for i, p in enumerate(found.parameters):

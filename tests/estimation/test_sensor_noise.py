@@ -47,7 +47,9 @@ def test_a_held_out_run_is_predicted_from_what_its_first_quarter_tells_of_its_jo
     told, alone = (predict_held_out(one, truth, pool.trials) for one in (posed, replace(posed, joint_errors=None)))
 
     def squares(score: Score) -> FloatArray:
-        return np.asarray(np.mean([[np.mean(channel.left**2) for channel in run] for run in score.channels], axis=0))
+        return np.asarray(
+            np.mean([[np.mean(channel.residual**2) for channel in run] for run in score.channels], axis=0)
+        )
 
     assert np.all(np.sqrt(squares(told) / squares(alone)) < 0.8)
     assert all(0.6 < float(np.mean(white**2)) < 1.1 for white in told.whitened)

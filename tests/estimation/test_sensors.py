@@ -16,7 +16,7 @@ from mjfish.estimation.fit import fit
 from mjfish.estimation.identification import Identification, pose
 from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.residual import held_out
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.numerics.arrays import FloatArray
 
 TRUTH = {"c_d.head": 1.7, "c_d.body": 1.4, "c_d.tail": 1.3}
@@ -131,7 +131,7 @@ def _problem(dataset: Dataset) -> Problem:
 
 
 def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(pool: Dataset) -> None:
-    known = {"*:imu.clock_offset": Beforehand(sd=0.002)}
+    known = {"*:imu.clock_offset": ParameterPrior(sd=0.002)}
     free = tuple(
         replace(t, sensors=tuple(replace(s, free_clock=s.name == "imu") for s in t.sensors)) for t in pool.trials
     )
@@ -139,7 +139,7 @@ def test_residual_and_jacobian_are_velocities_then_sensors_then_what_is_known(po
     x = problem.start(TRUTH)
     x = x + 0.02 * np.array([p.scale for p in problem.parameters])
     residual, jacobian = problem.residual(x), problem.jacobian(x).dense()
-    assert residual.shape == (problem.measured + len(problem.known),)
+    assert residual.shape == (problem.measured + len(problem.with_priors),)
     assert problem.samples == problem.rows_by_trial()[-1].stop
     assert problem.sensor_rows[0].start == problem.samples
     assert problem.sensor_rows[-1].stop == problem.measured
@@ -182,7 +182,7 @@ def test_a_clock_that_is_off_is_found_with_what_is_known_of_it(pool: Dataset) ->
         replace(t, sensors=tuple(replace(s, time=s.time - 0.03, free_clock=True) for s in t.sensors))
         for t in pool.trials
     )
-    dataset = replace(_only(replace(pool, trials=late), "imu"), known={"*:imu.clock_offset": Beforehand(sd=0.05)})
+    dataset = replace(_only(replace(pool, trials=late), "imu"), known={"*:imu.clock_offset": ParameterPrior(sd=0.05)})
     result = mjfish.identify(dataset, starts=1)
     for name in ("v1", "v3-t1"):
         low, high = result.fit.interval(f"{name}:imu.clock_offset", 3.0)
@@ -226,7 +226,7 @@ def test_runs_with_measured_joints_begin_at_a_velocity_that_sensors_find(pool: D
         cut = trial.time >= 1.0
         trials.append(replace(trial, time=trial.time[cut], velocity=trial.velocity[cut], drive=(),
                               joint_angle=run.motion.angle_at(trial.time[cut]),
-                              sensors=tuple(s.kept(s.time >= 1.0, "") for s in trial.sensors)))  # fmt: skip
+                              sensors=tuple(s.selected(s.time >= 1.0, "") for s in trial.sensors)))  # fmt: skip
     result = mjfish.identify(_only(replace(pool, trials=tuple(trials)), "tag", "compass"), starts=1)
     assert result.fit.status == "converged"
     _drag(result)

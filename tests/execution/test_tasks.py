@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.estimation.time_limit import PastLimitError, check_time, limited
 from mjfish.execution import Execution, executing, execution, mapped
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 
 
 def _ident(_: int) -> int:
@@ -68,10 +68,10 @@ def test_where_a_task_raises_no_thread_works_on_while_the_error_is_kept() -> Non
 
 def test_a_block_goes_on_as_the_one_around_it_says(tmp_path: Path) -> None:
     """And tasks have its threads and its limit, yet neither executor nor folder: they are one worker of many."""
-    kept = Kept(tmp_path, "a")
-    with executing(2, kept=kept, limit=9.0), executing(3):
+    kept = Checkpoint(tmp_path, "a")
+    with executing(2, checkpoint=kept, limit=9.0), executing(3):
         here = execution()
-        assert (here.jobs, here.kept, here.limit) == (3, kept, 9.0)
+        assert (here.jobs, here.checkpoint, here.limit) == (3, kept, 9.0)
         for inner in mapped(lambda _: execution(), range(2)):
-            assert (inner.jobs, inner.kept, inner.executor, inner.limit) == (3, None, None, 9.0)
+            assert (inner.jobs, inner.checkpoint, inner.executor, inner.limit) == (3, None, None, 9.0)
     assert execution() == Execution()

@@ -18,7 +18,7 @@ from mjfish.estimation import Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.fish import fish_toml
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.inspection.after_fit import contradicted
 from mjfish.noise import Noise
 from mjfish.numerics.arrays import FloatArray
@@ -119,7 +119,7 @@ def test_an_sd_must_be_positive() -> None:
         Parameter("c_d.head", "-", 2.0, 0.0, 10.0, 2.0, 0.1, sd=0.0)
 
 
-def waved(known: dict[str, Beforehand], fish: mjfish.Fish | None = None) -> Dataset:
+def waved(known: dict[str, ParameterPrior], fish: mjfish.Fish | None = None) -> Dataset:
     """Return two runs of the pike whose joints a wave drives, with a clock of its own."""
     pool = mjfish.generate("pike" if fish is None else fish, ["v1"], duration=3.0)
     wave = Wave(2.0, (0.1, 0.2, 0.3, 0.4), (0.0, -0.5, -1.0, -1.5), (0.0, 0.0, 0.1, 0.1), free=True)
@@ -132,12 +132,12 @@ def waved(known: dict[str, Beforehand], fish: mjfish.Fish | None = None) -> Data
 
 
 EVERYTHING = {
-    "wave.scale": Beforehand(sd=0.2),
-    "*:wave.frequency": Beforehand(sd=0.02),
-    "two:wave.scale": Beforehand(sd=0.1),
-    "one:start.surge": Beforehand(mean=0.2, sd=0.01),
-    "joint_zero_offset.joint_1": Beforehand(sd=0.05),
-    "com_offset.shift": Beforehand(mean=0.002, sd=0.01),
+    "wave.scale": ParameterPrior(sd=0.2),
+    "*:wave.frequency": ParameterPrior(sd=0.02),
+    "two:wave.scale": ParameterPrior(sd=0.1),
+    "one:start.surge": ParameterPrior(mean=0.2, sd=0.01),
+    "joint_zero_offset.joint_1": ParameterPrior(sd=0.05),
+    "com_offset.shift": ParameterPrior(mean=0.002, sd=0.01),
 }
 
 
@@ -172,7 +172,7 @@ def test_a_known_cause_is_a_part_of_the_nominal_model_and_no_candidate() -> None
     assert problem.causes == ()
     candidates = {name: find(name) for name in ("com_offset", "servo_lag")}
     pool = mjfish.generate("pike", ["v1", "v3"], noise=tuple(SIGMA), duration=4.0)
-    known = {"com_offset.shift": Beforehand(sd=0.001)}
+    known = {"com_offset.shift": ParameterPrior(sd=0.001)}
     found = mjfish.diagnose(replace(pool, known=known), effects=candidates, jobs=1)
     assert "com_offset.shift" in found.nominal
     (candidate,) = [candidate for candidate in found.candidates if candidate.name == "com_offset"]
@@ -189,7 +189,7 @@ def test_what_is_known_comes_back_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["wave.size", "three:wave.frequency", "c_d.fin"])
 def test_what_is_known_of_nothing_is_refused(name: str) -> None:
     with pytest.raises(MjfishError, match=f"unknown parameter '{name}'"):
-        problem_of(waved({name: Beforehand(sd=0.1)}))
+        problem_of(waved({name: ParameterPrior(sd=0.1)}))
 
 
 def test_a_prior_decides_where_the_data_say_nothing(tmp_path: Path) -> None:
@@ -206,11 +206,11 @@ def test_a_prior_decides_where_the_data_say_nothing(tmp_path: Path) -> None:
 
 def test_an_estimate_between_prior_and_data_is_at_the_mode() -> None:
     """One number: the mode is where the sum of both squares is least."""
-    free = waved({"wave.scale": Beforehand(low=0.5, high=2.0)})
+    free = waved({"wave.scale": ParameterPrior(low=0.5, high=2.0)})
     starts = {p.name: p.start for p in problem_of(free).parameters if p.name != "wave.scale"}
     alone = {**starts, **free.fish.values}
     data = fit(replace(problem_of(free), fixed=alone))
-    both = fit(replace(problem_of(waved({"wave.scale": Beforehand(mean=1.01, sd=0.001)})), fixed=alone))
+    both = fit(replace(problem_of(waved({"wave.scale": ParameterPrior(mean=1.01, sd=0.001)})), fixed=alone))
     prior, weight = both.parameters[0], 1.0 / float(data.covariance[0, 0])
 
     def objective(scale: float) -> float:

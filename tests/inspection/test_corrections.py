@@ -44,7 +44,7 @@ def test_the_right_correction_explains_all(spoil: Callable[[], Dataset], code: s
     (row,) = corrections
     assert row.names[0].startswith(code)
     assert row.gain > 1e4
-    assert row.left < 1e-3
+    assert row.remaining < 1e-3
     assert row.clean()
 
 
@@ -63,7 +63,7 @@ def test_lost_frames_are_put_back() -> None:
     assert not refuted
     assert row.names[0].startswith("clock-jump")
     assert row.gain > 1e3
-    assert row.left < 1e-3
+    assert row.remaining < 1e-3
 
 
 def test_a_correction_that_explains_nothing_is_refuted() -> None:

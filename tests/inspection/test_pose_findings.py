@@ -197,7 +197,7 @@ def test_missing_frames_are_counted_in_a_remark() -> None:
     place, heading = trial.sensors
     kept = np.ones(len(place.time), dtype=np.bool_)
     kept[[50, 51, 52, 200]] = False
-    holed = replace(filmed(), trials=(replace(trial, sensors=(place.kept(kept, "never seen"), heading)), *others))
+    holed = replace(filmed(), trials=(replace(trial, sensors=(place.selected(kept, "never seen"), heading)), *others))
     (found,) = (finding for finding in inspect(holed).findings if finding.code == "poses-missing")
     assert found.severity == "remark"
     assert found.place == f"trial '{trial.name}', position"
@@ -221,7 +221,7 @@ def _after(trial: Trial, begin: float) -> Trial:
     assert trial.joint_angle is not None
     return replace(
         trial, time=trial.time[rows], velocity=trial.velocity[rows], joint_angle=trial.joint_angle[rows],
-        sensors=tuple(sensor.kept(sensor.time >= begin, "earlier") for sensor in trial.sensors),
+        sensors=tuple(sensor.selected(sensor.time >= begin, "earlier") for sensor in trial.sensors),
     )  # fmt: skip
 
 

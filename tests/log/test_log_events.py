@@ -12,7 +12,7 @@ from logs import column, entities, text
 from rerun.chunk import RrdReader
 
 from mjfish.fish import Fish
-from mjfish.model import asked_motion
+from mjfish.model import requested_motion
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log import recording, write_log
 from mjfish.reporting.log.drawing import GHOST, beat_paths, camera_path, drawn, reach
@@ -77,7 +77,7 @@ def test_joints_that_fall_short_gaps_and_ends_are_events() -> None:
 def test_commanded_and_realised_angles_and_the_beat_are_in_the_log(log: Path, pike: Fish) -> None:
     overlay = diagnosis().overlays[1]
     time, asked = column(log, "/fast/joints/joint_4/command", "Scalars:scalars")
-    expected = asked_motion(pike.cpg, overlay.trial, STEP).angle_at(overlay.trial.time)[:, 3]
+    expected = requested_motion(pike.cpg, overlay.trial, STEP).angle_at(overlay.trial.time)[:, 3]
     np.testing.assert_allclose(time, overlay.trial.time, atol=1e-9)
     np.testing.assert_allclose(asked[:, 0], expected, atol=1e-9)
     _, lagging = column(log, "/fast/joints/joint_4/with_cause", "Scalars:scalars")
@@ -95,7 +95,7 @@ def test_the_ghost_has_the_shape_of_the_command(log: Path, pike: Fish) -> None:
     _, turn = column(log, "/fast/world/measured/link_4", "Transform3D:quaternion")
     _, head = column(log, "/fast/world/measured/link_0", "Transform3D:quaternion")
     bend = [2.0 * np.arctan2(q[:, 0, 2], q[:, 0, 3]) for q in (turn, head)]
-    asked = asked_motion(pike.cpg, overlay.trial, STEP).angle_at(overlay.trial.time).sum(axis=1)
+    asked = requested_motion(pike.cpg, overlay.trial, STEP).angle_at(overlay.trial.time).sum(axis=1)
     np.testing.assert_allclose(np.sin(bend[0] - bend[1]), np.sin(asked), atol=1e-5)
 
 

@@ -15,7 +15,7 @@ from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.fish import Fish
-from mjfish.model import LEAD, Model, asked_motion
+from mjfish.model import LEAD, Model, requested_motion
 from mjfish.numerics.arrays import readonly
 
 DRIVE = (DriveSegment(0.0, 18.0, (0.0,) * 4), DriveSegment(1.2, 22.0, (0.0, 1.0, 1.5, 2.0)))
@@ -110,8 +110,8 @@ def test_measured_motion_that_nobody_saw_is_not_made_up(pike: Fish) -> None:
 
 
 def test_the_motion_of_a_trial_is_made_once(pike: Fish, driven: Trial) -> None:
-    assert asked_motion(pike.cpg, driven, 0.005) is asked_motion(pike.cpg, driven, 0.005)
-    assert asked_motion(pike.cpg, driven, 0.005) is not asked_motion(pike.cpg, driven, 0.0025)
+    assert requested_motion(pike.cpg, driven, 0.005) is requested_motion(pike.cpg, driven, 0.005)
+    assert requested_motion(pike.cpg, driven, 0.005) is not requested_motion(pike.cpg, driven, 0.0025)
 
 
 def test_a_fish_without_cpg_cannot_follow_a_drive(pike: Fish, driven: Trial) -> None:

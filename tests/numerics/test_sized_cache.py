@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mjfish.numerics.arrays import FloatArray
-from mjfish.numerics.sized_cache import Budget, Remade, sized_cache
+from mjfish.numerics.sized_cache import Budget, Recomputable, sized_cache
 
 
 def test_what_was_not_used_for_longest_is_forgotten_first() -> None:
@@ -38,14 +38,14 @@ def test_a_result_above_the_limit_is_kept_until_the_next() -> None:
 
 def test_values_that_can_be_made_again_share_a_budget(monkeypatch: pytest.MonkeyPatch) -> None:
     """The one not asked for longest is dropped and made again; what is out of use leaves its place to others."""
-    monkeypatch.setattr(Remade, "budget", Budget(8 * 10))
+    monkeypatch.setattr(Recomputable, "budget", Budget(8 * 10))
     made: list[int] = []
 
     def numbers(count: int) -> FloatArray:
         made.append(count)
         return np.arange(float(count))
 
-    four, five, three = (Remade(partial(numbers, count)) for count in (4, 5, 3))
+    four, five, three = (Recomputable(partial(numbers, count)) for count in (4, 5, 3))
     first = four()
     assert five()[4] == 4.0
     assert four() is first
@@ -58,8 +58,8 @@ def test_values_that_can_be_made_again_share_a_budget(monkeypatch: pytest.Monkey
 
 
 def test_a_value_above_the_budget_is_held_until_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Remade, "budget", Budget(0.0))
-    known, other = Remade(partial(np.zeros, 3), np.ones(3)), Remade(partial(np.zeros, 2))
+    monkeypatch.setattr(Recomputable, "budget", Budget(0.0))
+    known, other = Recomputable(partial(np.zeros, 3), np.ones(3)), Recomputable(partial(np.zeros, 2))
     assert known() is known()
     other()
     assert not known().any()

@@ -28,6 +28,6 @@ def test_it_names_a_cause_of_the_catalogue(swum: Dataset) -> None:
 def test_derivatives_by_parameters_of_single_runs_stand_in_their_columns(swum: Dataset) -> None:
     problem = FittedModels.undiagnosed(replace(swum, clock="free"), {}).problem
     slopes = problem.slopes(problem.start())
-    assert any(map(len, slopes.own))
+    assert any(map(len, slopes.per_trial))
     whole = problem.whiten(_whole(problem, problem.start()))
     assert np.allclose(whole, problem.velocity_rows(slopes).dense(), rtol=1e-9, atol=1e-9 * np.abs(whole).max())

@@ -38,7 +38,7 @@ from mjfish.errors import InputError
 from mjfish.files import size_limited, tomlfile
 from mjfish.files.tomlfile import Table
 from mjfish.fish import load_fish
-from mjfish.fish.parameter_priors import Beforehand
+from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Amplitude and bias [deg] in the name of a file.
@@ -70,7 +70,7 @@ class Settings(Table):
     """What is known of all runs beside what their files say, and what is done with them."""
 
     schema_: Literal[1] = Field(alias="schema")
-    known: dict[str, Beforehand]
+    known: dict[str, ParameterPrior]
     filter: GaussianTable
     study: Study
 
@@ -104,7 +104,7 @@ def import_files(
         trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
         known={
             **beforehand.known,
-            **{f"{trial.name}:wave.frequency": Beforehand(sd=_TURN / _length(trial)) for trial in trials},
+            **{f"{trial.name}:wave.frequency": ParameterPrior(sd=_TURN / _length(trial)) for trial in trials},
         },
         filter=filter_of(beforehand.filter),
     )

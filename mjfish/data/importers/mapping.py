@@ -217,7 +217,7 @@ def driven(table: Driven) -> dict[str, Any]:
     return {"from_rest": table.from_rest, "commanded": joints.are == "commanded", "hold": joints.hold}
 
 
-def told(table: Driven, trial: Trial) -> tuple[str, ...]:
+def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
     if table.joints is None:
         return ()

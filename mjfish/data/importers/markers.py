@@ -64,7 +64,7 @@ def undo_exchanges(measured: FloatArray, fit: Fit) -> tuple[FloatArray, BoolArra
     """
     belongs = measured - fit.residual
     reach = _OFF * np.maximum(fit.sigma, np.median(fit.sigma))
-    off = ~fit.kept & np.isfinite(measured).all(axis=2)
+    off = ~fit.counted & np.isfinite(measured).all(axis=2)
     mended, found = measured.copy(), np.zeros(len(measured), dtype=np.bool_)
     for a, b in combinations(range(measured.shape[1]), 2):
         crossed = off[:, a] & off[:, b]
@@ -406,7 +406,7 @@ def metres(path: Path, raw: FloatArray, table: MarkersMap, marked: Marked) -> tu
 def _seen(track: Track, marked: Marked) -> tuple[BoolArray, dict[int, str]]:
     """Return the frames in which every marker that is used was in its place, and who was lost in the others."""
     used = [m for m in range(len(marked.names)) if m not in track.dropped]
-    lost = ~track.fit.kept[:, used]
+    lost = ~track.fit.counted[:, used]
     reasons = {
         int(frame): "marker " + ", ".join(marked.names[used[m]] for m in np.flatnonzero(lost[frame]))
         for frame in np.flatnonzero(lost.any(axis=1))

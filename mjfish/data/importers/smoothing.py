@@ -126,12 +126,12 @@ class Linearised:
 
     Attributes:
         value: (n, points, d).
-        own: (n, points, d, coordinates) by the coordinates of the frame.
+        of_frame: (n, points, d, coordinates) by the coordinates of the frame.
         shared: (n, points, d, shared) by what all frames share.
     """
 
     value: FloatArray
-    own: FloatArray
+    of_frame: FloatArray
     shared: FloatArray
 
 
@@ -190,7 +190,7 @@ class System:
     normal: FloatArray
     right: FloatArray
     residual: FloatArray
-    own: FloatArray
+    of_frame: FloatArray
     shared: FloatArray
     design: FloatArray
 
@@ -202,8 +202,8 @@ class System:
         residual = np.where(weight[..., None] > 0.0, seen.measured - here.value, 0.0)
         shared = _with_beat(here, basis, state)
         scaled = weight / np.square(state.sigma)
-        weighted = here.own * scaled[..., None, None]
-        own = np.einsum("npdi,npdj->nij", weighted, here.own, optimize=True)
+        weighted = here.of_frame * scaled[..., None, None]
+        own = np.einsum("npdi,npdj->nij", weighted, here.of_frame, optimize=True)
         mixed = np.einsum("npdi,npdj->nij", weighted, shared, optimize=True)
         right_own = np.einsum("npdi,npd->ni", weighted, residual, optimize=True)
         weighted_shared = shared * scaled[..., None, None]
@@ -220,7 +220,7 @@ class System:
         right[count * size :] = np.einsum("npdi,npd->i", weighted_shared, residual, optimize=True)
         normal = np.tril(normal) + np.tril(normal, -1).T
         _believe(normal, right, seen, basis, state, rough)
-        return cls(normal, right, residual, here.own, shared, design)
+        return cls(normal, right, residual, here.of_frame, shared, design)
 
     def step(self, state: State, covariance: FloatArray) -> tuple[State, float]:
         """Return the state after a Gauss-Newton step and its length in units of its own uncertainty."""
@@ -249,7 +249,7 @@ def _with_beat(here: Linearised, basis: Basis, state: State) -> FloatArray:
     if state.beat is None:
         return here.shared
     rate = basis.stretched(state.beat) @ state.coefficients.T
-    return np.concatenate([here.shared, np.einsum("npdi,ni->npd", here.own, rate)[..., None]], axis=3)
+    return np.concatenate([here.shared, np.einsum("npdi,ni->npd", here.of_frame, rate)[..., None]], axis=3)
 
 
 def _believe(
@@ -282,8 +282,8 @@ def _believe(
 _HELD, _LOW, _LEAST, _MOST = 0.01, 1e-4, 1e-8, 1.0
 #: Longest step, in steps of expectation maximisation.
 _LONGEST = 5.0
-#: Settled is what moves by less than this share.
-_SETTLED = 0.02
+#: Converged is what moves by less than this share.
+_CONVERGED = 0.02
 
 
 def first_intensity(start: FloatArray, kinds: IntArray, beat: float | None) -> FloatArray:
@@ -297,7 +297,7 @@ def first_intensity(start: FloatArray, kinds: IntArray, beat: float | None) -> F
 def noise_by_evidence(system: System, covariance: FloatArray, weight: FloatArray, state: State) -> FloatArray:
     """Return the noise of the points (points,) that maximises the evidence."""
     by_frame = _by_frame(system, covariance, *state.coefficients.shape)
-    slopes = np.concatenate([system.own, system.shared], axis=3)
+    slopes = np.concatenate([system.of_frame, system.shared], axis=3)
     leverage = np.einsum("npdi,nij,npdj->np", slopes, by_frame, slopes, optimize=True)
     leverage = (weight * leverage).sum(axis=0) / np.square(state.sigma)
     squares = (weight * np.square(system.residual).sum(axis=2)).sum(axis=0)
@@ -365,17 +365,18 @@ def intensity_by_evidence(
     return np.clip(found, _LEAST * first, _MOST * first)
 
 
-def settled(before: State, after: State) -> bool:
+def has_converged(before: State, after: State) -> bool:
     """Return whether noise and intensities stay; the sixth root of an intensity is a frequency."""
     by_noise = np.abs(np.log(after.sigma / before.sigma)).max()
     smooth = np.abs(np.log(after.intensity / before.intensity)).max() / 6.0
-    return bool(max(by_noise, smooth) < _SETTLED)
+    return bool(max(by_noise, smooth) < _CONVERGED)
 
 
 #: Degrees of freedom of the Student weights; points farther than so many sigma do not count in the end.
 _STUDENT, _GATE = 4.0, 4.0
 _ROBUST, _PASSES = 7, 12
-#: The passes end where noise and smoothness have settled and no unknown moves by more than this share of its own sigma.
+#: The passes end where noise and smoothness have converged and no unknown moves by more than this share of its
+#: own sigma.
 _MOVED = 0.05
 
 
@@ -389,7 +390,7 @@ class Fit(State):
         coefficients: (coordinates, size) of the functions.
         shared: what all frames share.
         sigma: (points,) noise of each point in each of its d directions.
-        kept: (n, points) which points count.
+        counted: (n, points) which points count.
         intensity: (coordinates,) of the splines' prior.
         covariance: of coefficients, shared and the logarithm of the beat, in this order.
         residual: (n, points, d) measured minus fitted; NaN where nothing was measured.
@@ -397,7 +398,7 @@ class Fit(State):
     """
 
     basis: Basis
-    kept: BoolArray
+    counted: BoolArray
     covariance: FloatArray
     residual: FloatArray
     frames: FloatArray
@@ -473,7 +474,7 @@ def _smoothed(seen: Observation, basis: Basis, beat: float | None, start: FloatA
             )
         state, moved = system.step(state, covariance)
         weight = _weights(seen, basis, state, there, student=number < _ROBUST)
-        if number > _ROBUST and moved < _MOVED and settled(before, state):
+        if number > _ROBUST and moved < _MOVED and has_converged(before, state):
             break
     system = System.of(seen, basis, state, weight, rough)
     covariance = system.covariance()
@@ -506,7 +507,7 @@ def beat_frequency(time: FloatArray, lateral: FloatArray) -> tuple[float, bool]:
     """Return the frequency [Hz] that, with a drift, leaves the least of a motion (n,), and whether it is a beat."""
     share = time / max(float(np.ptp(time)), 1e-9)
 
-    def left(trial: float, harmonics: int = 1) -> float:
+    def sum_of_squares(trial: float, harmonics: int = 1) -> float:
         phase = 2.0 * np.pi * trial * time
         waves = [wave(k * phase) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
         design = np.column_stack([np.ones_like(time), share, *waves])
@@ -515,7 +516,9 @@ def beat_frequency(time: FloatArray, lateral: FloatArray) -> tuple[float, bool]:
     slowest = max(SLOWEST, 1.0 / float(np.ptp(time)))
     step = 0.1 / float(np.ptp(time))
     trials = np.arange(slowest, FASTEST, step)
-    best = float(trials[int(np.argmin([left(trial) for trial in trials]))])
-    refined = float(minimize_scalar(left, bounds=(max(best - step, 0.5 * slowest), best + step), method="bounded").x)
-    periodic = left(refined, 2) < (1.0 - _PERIODIC) * max(left(refined, 0), 1e-300)
+    best = float(trials[int(np.argmin([sum_of_squares(trial) for trial in trials]))])
+    refined = float(
+        minimize_scalar(sum_of_squares, bounds=(max(best - step, 0.5 * slowest), best + step), method="bounded").x
+    )
+    periodic = sum_of_squares(refined, 2) < (1.0 - _PERIODIC) * max(sum_of_squares(refined, 0), 1e-300)
     return refined, periodic

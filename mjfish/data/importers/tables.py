@@ -23,9 +23,9 @@ from mjfish.data.importers.mapping import (
     angle_columns,
     driven,
     fish_of,
+    joint_angle_remarks,
     measured_angles,
     read_mapping,
-    told,
     wave_drive,
 )
 from mjfish.data.importers.report import Cut, FileReport, ImportReport
@@ -211,7 +211,7 @@ def _pose_run(path: Path, source: _Source, table: PosesMap) -> _Run:
             *repeated,
             *(remark for sensor in sensors for remark in sensor.remarks),
             f"a sample every {1e3 * whole.step:.4g} ms",
-            *told(table, whole),
+            *joint_angle_remarks(table, whole),
         ),
     )
     return _Run(whole.name, trials, report)

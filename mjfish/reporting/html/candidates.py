@@ -44,18 +44,18 @@ def judgement(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[st
     if candidate.name in diagnosis.certain:
         return _at_work(candidate, diagnosis)
     if any(candidate.name in group for group in diagnosis.rivals):
-        left = f", and with it {_left(candidate.row)}" if (candidate.name,) in diagnosis.alternatives else ""
+        left = f", and with it {_remainder_text(candidate.row)}" if (candidate.name,) in diagnosis.alternatives else ""
         return f"Possible: the data cannot tell it from its rivals{left}."
     if (row := candidate.row) is None:
         return _not_refitted(candidate, diagnosis, sizes)
     if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
         if _clean(row):
             return "Possible: it explains no more than chance might, and with it nothing systematic is left."
-        return f"Possible, and the closest: with it {_left(row)}."
+        return f"Possible, and the closest: with it {_remainder_text(row)}."
     if not row.tests:
         return _ruled_out(diagnosis)
     if not _clean(row):
-        return f"Close, but with it in the model {_left(row)}."
+        return f"Close, but with it in the model {_remainder_text(row)}."
     if row.held_out is not None and row.held_out.gained <= 0.0:
         return "Fits, but makes the held-out trials no better."
     return ""
@@ -82,7 +82,7 @@ def _at_work(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
     if others:
         return f"One of the causes, beside {' and '.join(others)}."
-    return f"The cause: with it in the model {_left(candidate.row)}."
+    return f"The cause: with it in the model {_remainder_text(candidate.row)}."
 
 
 def _not_refitted(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[str]) -> str:
@@ -106,10 +106,10 @@ def _clean(row: Row | None) -> bool:
     return row is None or not row.tests or row.clean()
 
 
-def _left(row: Row | None) -> str:
+def _remainder_text(row: Row | None) -> str:
     if row is None or _clean(row):
         return "nothing systematic is left"
-    return f"something systematic is left, {percent(row.left)} of the misfit"
+    return f"something systematic is left, {percent(row.remaining)} of the misfit"
 
 
 def possible(diagnosis: DiagnosisData) -> set[str]:

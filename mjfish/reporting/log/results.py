@@ -19,7 +19,7 @@ from mjfish.estimation.identification import Identification
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.fish import Fish
 from mjfish.formats import number, percent
-from mjfish.model import Model, asked_motion
+from mjfish.model import Model, requested_motion
 from mjfish.model.model import Prepared, pose_of
 from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import LinkForces, link_forces
@@ -92,7 +92,7 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
 
 def _compared(trial: Trial, fish: Fish, swims: tuple[Swim, ...], held_out: bool) -> Run:
     """Return a measured trial and who simulated it, with its command, the phase of its beat and its events."""
-    motion = asked_motion(fish.cpg, trial, STEP)
+    motion = requested_motion(fish.cpg, trial, STEP)
     command = None if trial.joints_measured else motion.angle_at(np.minimum(trial.time, motion.time[-1]))
     phase, events = beat_phase(fish.cpg, trial), events_of(trial, held_out, swims)
     return Run(trial.name, fish, swims, held_out, command=command, phase=phase, events=events)
@@ -124,7 +124,7 @@ def _measured(trial: Trial, model: Model) -> Swim:
         pose = travelled(trial.time, trial.velocity, _start(trial))
     angle, ghost = trial.joint_angle, not trial.joints_measured
     if angle is None:
-        motion = asked_motion(model.fish.cpg, trial, STEP)
+        motion = requested_motion(model.fish.cpg, trial, STEP)
         angle = motion.angle_at(np.minimum(trial.time, motion.time[-1]))
     return Swim("measured", trial.time, trial.velocity, pose, angle, ghost=ghost)
 

@@ -49,7 +49,7 @@ def sparsest(dataset: Dataset) -> str:
 def _whole(problem: Problem, x: FloatArray) -> list[FloatArray]:
     """Return, per trial, the derivative (n_r, 3, k) by every parameter, zero by those of other trials."""
     slopes, blocks = problem.slopes(x), []
-    for block, own in zip(slopes.velocity, slopes.own, strict=True):
+    for block, own in zip(slopes.velocity, slopes.per_trial, strict=True):
         blocks.append(np.zeros((*block.shape[:2], slopes.count)))
         blocks[-1][:, :, [*slopes.shared, *own]] = block
     return blocks

@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.data import Dataset
 from mjfish.diagnosis import diagnose
-from mjfish.diagnosis.compared import lone_run, odd_run
+from mjfish.diagnosis.compared import outlying_run, outlying_run_finding
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.effects import catalogue, of_fish
 from mjfish.estimation import Noise, Problem, fit
@@ -42,7 +42,7 @@ def _evidence(data: Dataset) -> Evidence:
 
 @pytest.mark.parametrize("odd", [0, 2, None])
 def test_the_run_with_other_water_is_found(pike: Fish, odd: int | None) -> None:
-    assert lone_run(_evidence(_recorded(pike, odd))) == odd
+    assert outlying_run(_evidence(_recorded(pike, odd))) == odd
 
 
 def test_a_run_that_does_not_go_with_its_repeat_is_suspect(pike: Fish) -> None:
@@ -51,15 +51,15 @@ def test_a_run_that_does_not_go_with_its_repeat_is_suspect(pike: Fish) -> None:
         data = generate(pike, [*modes, "v7"], noise=NOISE, duration=6.0, seed=4, held_out=["v7"])
         scaled = replace(data.trials[3], velocity=readonly(1.15 * data.trials[3].velocity))
         evidence = _evidence(replace(data, trials=(*data.trials[:3], scaled, data.trials[4])))
-        assert lone_run(evidence) == 3
-        found = odd_run(evidence.problem.trials, 3)
+        assert outlying_run(evidence) == 3
+        found = outlying_run_finding(evidence.problem.trials, 3)
         assert (found.code, found.severity, found.trials) == ("outlying-run", severity, (scaled.name,))
 
 
 def test_of_three_runs_none_is_the_odd_one(pike: Fish) -> None:
     data = _recorded(pike, 0)
     fewer = replace(data, trials=(*data.trials[:3], *data.trials[4:]))
-    assert lone_run(_evidence(fewer)) is None
+    assert outlying_run(_evidence(fewer)) is None
 
 
 @pytest.mark.slow

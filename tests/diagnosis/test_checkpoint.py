@@ -24,7 +24,7 @@ from mjfish.data import Dataset, Trial, save
 from mjfish.diagnosis import diagnose
 from mjfish.diagnosis import refit_result as module
 from mjfish.diagnosis.evidence import gather
-from mjfish.diagnosis.refit import made_smooth, refined, refit_with
+from mjfish.diagnosis.refit import converged_formula, converged_learned_form, refit_with
 from mjfish.diagnosis.refit_result import Refit, extended, followed
 from mjfish.effects import Effect, catalogue, find
 from mjfish.effects.effect import Values
@@ -35,11 +35,11 @@ from mjfish.estimation.fit import fit
 from mjfish.estimation.intervals import profiles
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.execution import executing
-from mjfish.execution.checkpoint import Kept
+from mjfish.execution.checkpoint import Checkpoint
 from mjfish.execution.executors import cluster, processes
 from mjfish.noise import Noise
 from mjfish.numerics.arrays import FloatArray
-from mjfish.numerics.sized_cache import Budget, Remade
+from mjfish.numerics.sized_cache import Budget, Recomputable
 from mjfish.parameters import Parameter
 from mjfish.simulation import generate
 
@@ -103,9 +103,9 @@ def test_what_is_large_may_be_dropped_at_any_time(
     dataset: Dataset, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Residuals, derivatives, covariances, signatures: made again, they give the same answer to the last bit."""
-    asked: list[Remade[Any]] = []
+    asked: list[Recomputable[Any]] = []
 
-    def forgotten(_: Budget, one: Remade[Any], size: int) -> None:
+    def forgotten(_: Budget, one: Recomputable[Any], size: int) -> None:
         asked.append(one)
         one.value = None
 
@@ -142,8 +142,8 @@ def refitted(tmp_path: Path, cause: str, dataset: Dataset, follow: Callable[[Ref
     whole = nominal_problem(dataset, dataset.split()[0], Noise.white(np.asarray(dataset.noise)))
     found = fit(whole)
     effect = catalogue()[cause]
-    for kept in (None, Kept(tmp_path, "a"), Kept(tmp_path, "a")):
-        with executing(1, kept=kept):
+    for kept in (None, Checkpoint(tmp_path, "a"), Checkpoint(tmp_path, "a")):
+        with executing(1, checkpoint=kept):
             (coarse,) = extended(refit_with, [effect], gather(whole, found, [effect]))
             (fine,) = followed(follow, [coarse])
         yield [coarse, fine]
@@ -156,9 +156,9 @@ def vars_of(problem: Problem) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("cause", "follow"),
     [
-        ("servo_lag", partial(refined, best=np.inf)),
-        ("servo_backlash", partial(refined, best=np.inf)),
-        pytest.param("drag_law", made_smooth, marks=pytest.mark.slow),
+        ("servo_lag", partial(converged_formula, best=np.inf)),
+        ("servo_backlash", partial(converged_formula, best=np.inf)),
+        pytest.param("drag_law", converged_learned_form, marks=pytest.mark.slow),
     ],
 )
 def test_a_kept_refit_is_the_same_to_the_last_bit(
