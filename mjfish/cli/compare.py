@@ -10,7 +10,7 @@ import typer
 
 import mjfish
 from mjfish.cli import console
-from mjfish.formats import NONE, number
+from mjfish.numerics.formats import NONE, number
 
 if TYPE_CHECKING:
     from mjfish.comparison import Comparison, Shift, TrialComparison

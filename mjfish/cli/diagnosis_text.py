@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mjfish.cli import console
-from mjfish.formats import NONE, channel_name, counted, number, p_value, percent, unit
+from mjfish.numerics.formats import NONE, channel_name, counted, number, p_value, percent, unit
 from mjfish.reporting.notices import notices
 
 if TYPE_CHECKING:

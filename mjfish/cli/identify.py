@@ -14,7 +14,7 @@ from mjfish.cli.fish import SUFFIXES as FISH
 from mjfish.cli.fish import write
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files.writing import write_json
-from mjfish.formats import number, p_value, percent
+from mjfish.numerics.formats import number, p_value, percent
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -10,7 +10,7 @@ import typer
 import mjfish
 from mjfish.cli import console
 from mjfish.files.writing import make_folder
-from mjfish.formats import number
+from mjfish.numerics.formats import number
 
 if TYPE_CHECKING:
     from mjfish.inspection import DataReport

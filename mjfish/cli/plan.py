@@ -11,7 +11,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.errors import InputError
 from mjfish.files.writing import check_new_folder
-from mjfish.formats import number
+from mjfish.numerics.formats import number
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -15,7 +15,7 @@ from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files.writing import make_folder, write_json
-from mjfish.formats import NONE
+from mjfish.numerics.formats import NONE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,9 +21,9 @@ from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.noise_of_fit import restore
 from mjfish.estimation.nominal import first_sigma, nominal_problem
+from mjfish.execution.progress import Progress
 from mjfish.noise.autoregressive import estimate
 from mjfish.numerics.arrays import FloatArray
-from mjfish.progress import Progress
 
 _TOLERANCE = 1e-6
 

@@ -21,10 +21,10 @@ from mjfish.effects import Causes, Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.execution import executing
+from mjfish.execution.progress import Progress, part, silent
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import Result
 from mjfish.parameters import Parameter
-from mjfish.progress import Progress, part, silent
 
 #: Below this probability of a verdict a run is not said to decide; above it the data are said to decide already.
 _LIKELY = 0.5

@@ -25,7 +25,6 @@ from mjfish.estimation import Fit
 from mjfish.estimation.smoothness import effective_degrees_of_freedom
 from mjfish.fish import Fish
 from mjfish.fish.outline import outlines
-from mjfish.formats import number, unit
 from mjfish.hydro.force import drag
 from mjfish.hydro.forced_motion import forced_motion
 from mjfish.hydro.link import link_records
@@ -33,6 +32,7 @@ from mjfish.hydro.load import ANSWER, LoadBuffers, LoadTable, load_rows, loads_o
 from mjfish.model import Model
 from mjfish.model.model import Prepared, driven, requested_motion
 from mjfish.numerics.arrays import FloatArray, RecordArray
+from mjfish.numerics.formats import number, unit
 from mjfish.ode.kinematics import link_velocities
 
 #: Shares of the information between which a variable counts as visited.

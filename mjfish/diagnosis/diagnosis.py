@@ -33,8 +33,8 @@ from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
 from mjfish.estimation.time_limit import PastLimitError
 from mjfish.execution import executing, execution
 from mjfish.execution.checkpoint import Checkpoint
+from mjfish.execution.progress import Meter, Progress, silent
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit
-from mjfish.progress import Meter, Progress, silent
 
 #: Said of a cause that is a part of the nominal model.
 _PART = "it is a part of the nominal model, and fitted with it"

@@ -16,8 +16,8 @@ from mjfish.diagnosis.failures import finite, tried
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.thresholds import THRESHOLDS, Thresholds
 from mjfish.estimation.residual import ChannelError, Score, held_out_covariance_root, predict_held_out
-from mjfish.formats import fall, less, number, percent
 from mjfish.numerics.arrays import FloatArray, checked
+from mjfish.numerics.formats import fall, less, number, percent
 from mjfish.numerics.sized_cache import Recomputable
 
 Key = TypeVar("Key", bound=Hashable)

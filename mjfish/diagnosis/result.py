@@ -26,12 +26,12 @@ from mjfish.estimation.omnibus import beat_phase
 from mjfish.files import checksummed_json
 from mjfish.files.plain_data import plain, unsaved
 from mjfish.files.result import Result
-from mjfish.formats import percent
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.extended import Extended
 from mjfish.model.posterior import Posterior
 from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.formats import percent
 
 Verdict = Literal["named", "nothing_wrong", "cannot_tell", "unexplained"]
 #: Of ``diagnosis.json``; a file of another schema is refused.

@@ -12,9 +12,9 @@ from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Estimate, linearised
 from mjfish.effects import Effect
 from mjfish.estimation.omnibus import beat_phase
-from mjfish.formats import number
 from mjfish.model.model import driven, requested_motion
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import number
 
 #: A phase that is this far ahead [rad], as that of next to no delay may be by rounding, is not almost a beat behind.
 _AHEAD = 0.5

@@ -20,9 +20,9 @@ from mjfish.diagnosis.diagnosis import diagnose
 from mjfish.diagnosis.held_out import Gain
 from mjfish.diagnosis.result import Diagnosis, Verdict
 from mjfish.errors import InputError, UnwritableError
+from mjfish.execution.progress import Progress, part, silent
 from mjfish.files.plain_data import plain
 from mjfish.files.result import Result
-from mjfish.progress import Progress, part, silent
 
 #: Of ``splits.json``.
 SCHEMA = 1

@@ -22,9 +22,9 @@ from mjfish.effects.mechanism import without_form
 from mjfish.estimation import Fit
 from mjfish.estimation.fit import Z95
 from mjfish.files.plain_data import fields_of, plain, restored
-from mjfish.formats import fixed, number, unit
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import fixed, number, unit
 from mjfish.parameters import Parameter
 
 

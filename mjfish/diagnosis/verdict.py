@@ -12,7 +12,7 @@ from mjfish.diagnosis.result import Verdict
 from mjfish.diagnosis.table import Comparison, Names, Row, Table, one_mechanism
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS, Thresholds
 from mjfish.effects.mechanism import MECHANISMS
-from mjfish.formats import number, p_value, percent
+from mjfish.numerics.formats import number, p_value, percent
 
 _OTHERWISE = "its form differs from the model's, or a further cause is at work, or an unknown cause resembles it"
 

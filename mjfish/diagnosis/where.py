@@ -16,9 +16,9 @@ from mjfish.diagnosis.evidence import Evidence
 from mjfish.estimation import Problem
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.fish.frames import CHANNELS
-from mjfish.formats import channel_name, percent
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.block_angular import BlockAngular, span
+from mjfish.numerics.formats import channel_name, percent
 
 Labels = np.ndarray[Any, Any]
 #: Beats that count as start-up, and as transition after a change of the drive.

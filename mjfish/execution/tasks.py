@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.errors import WorkerError
 from mjfish.execution.checkpoint import Checkpoint
 from mjfish.execution.executors import fan_out
-from mjfish.progress import Meter
+from mjfish.execution.progress import Meter
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -1,1 +1,1 @@
-"""Numerical tools without physics: arrays, block angular matrices, compilation, caches limited by memory."""
+"""Numerical tools without physics: arrays, block angular matrices, compilation, caches of a size, numbers in words."""

@@ -14,7 +14,7 @@ from command_line import Run
 import mjfish
 from mjfish.data import save
 from mjfish.fish import load_fish
-from mjfish.formats import number
+from mjfish.numerics.formats import number
 from mjfish.simulation.synthetic import generate
 
 

@@ -18,7 +18,7 @@ import mjfish
 from mjfish.cli import console
 from mjfish.data import save
 from mjfish.fish import load_fish
-from mjfish.formats import number
+from mjfish.numerics.formats import number
 from mjfish.simulation.synthetic import generate
 
 TRUTH = dict(zip(COEFFICIENTS, (0.5, 0.6, 0.4, 1.5, 1.2, 1.6, 0.01, 0.008, 0.012), strict=True))

@@ -14,8 +14,8 @@ from mjfish.design.information import detection, separations
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
+from mjfish.execution.progress import silent
 from mjfish.fish import Fish, load_fish
-from mjfish.progress import silent
 
 
 def _pike(relative: float | None) -> Fish:

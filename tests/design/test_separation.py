@@ -16,8 +16,8 @@ from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis.evidence import gather
 from mjfish.effects import catalogue, find
 from mjfish.estimation import fit
+from mjfish.execution.progress import silent
 from mjfish.numerics.arrays import solve
-from mjfish.progress import silent
 
 CASES = {
     "clock": ("time_offset", "servo_lag", {"time_offset.offset": -0.003}),

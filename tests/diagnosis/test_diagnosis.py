@@ -27,8 +27,8 @@ from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 from mjfish.fish.frames import CHANNELS
-from mjfish.formats import percent
 from mjfish.numerics.arrays import readonly
+from mjfish.numerics.formats import percent
 from mjfish.parameters import Parameter
 from mjfish.simulation.synthetic import generate
 

@@ -20,8 +20,8 @@ from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.settings import Settings
 from mjfish.files.writing import write_json
 from mjfish.fish import Fish
-from mjfish.formats import number
 from mjfish.numerics.arrays import readonly
+from mjfish.numerics.formats import number
 
 
 @pytest.fixture(scope="module")

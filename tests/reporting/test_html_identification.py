@@ -16,8 +16,8 @@ from mjfish.estimation.identification import pose
 from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.fish import Fish
-from mjfish.formats import p_value
 from mjfish.numerics.arrays import readonly
+from mjfish.numerics.formats import p_value
 from mjfish.reporting.html.figures import autocorrelation_figure, cross_correlation_figure, residual_figure
 from mjfish.reporting.html.identification import write_identification_figures
 from mjfish.reporting.html.pages import Section, write_figures

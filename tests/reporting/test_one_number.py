@@ -16,8 +16,8 @@ from html_tree import Element, tree
 from mjfish.cli import console
 from mjfish.cli.diagnosis_text import show
 from mjfish.diagnosis import Diagnosis, Estimate
-from mjfish.formats import channel_name, number, p_value, percent
 from mjfish.inspection import Finding, Inspection
+from mjfish.numerics.formats import channel_name, number, p_value, percent
 from mjfish.reporting.html.diagnosis import render_diagnosis
 
 #: A number as people write it: with a minus, a power of ten, or a percent sign.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mjfish.formats import percent
+from mjfish.numerics.formats import percent
 from mjfish.reporting.film.shot import LONG
 from mjfish.reporting.film.stretch import Stretch
 from mjfish.reporting.log.drawing import COLOURS, FORCES

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mjfish.diagnosis import Candidate, DiagnosisData
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.formats import number, percent, unit
+from mjfish.numerics.formats import number, percent, unit
 
 #: With a larger confounded share a signature says little.
 _CONFOUNDED = 0.9

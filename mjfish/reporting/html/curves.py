@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
-from mjfish.formats import number, unit
+from mjfish.numerics.formats import number, unit
 from mjfish.reporting.html.figures import COLUMNS, Panel, panels
 from mjfish.reporting.stretches import logarithmic, span, stretches
 

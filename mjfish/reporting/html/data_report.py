@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 
 from mjfish.data import Trial
 from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.formats import CHANNEL_NAMES
 from mjfish.inspection import DataReport
+from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.figures import Panel, panels
 from mjfish.reporting.html.pages import Block, Section, write_figures
 

@@ -11,7 +11,7 @@ from mjfish.diagnosis import DiagnosisData, Estimate, Splits
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.where import FIFTHS
 from mjfish.files.writing import write_text
-from mjfish.formats import CHANNEL_NAMES, channel_name
+from mjfish.numerics.formats import CHANNEL_NAMES, channel_name
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.candidates import detectable, grouped, possible, remark
 from mjfish.reporting.html.curves import FormRow, form_rows

@@ -23,8 +23,8 @@ from mjfish.estimation.intervals import Profile
 from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ALL, Autocorrelation, CrossCorrelation
 from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.formats import CHANNEL_NAMES, channel_name, p_value, unit
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import CHANNEL_NAMES, channel_name, p_value, unit
 
 #: Colours by what they stand for.
 COLOURS = {

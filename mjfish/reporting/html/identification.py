@@ -13,7 +13,7 @@ from mjfish.estimation.residual import Residual
 from mjfish.estimation.residual_tests import ALL, ResidualTests
 from mjfish.files.writing import make_folder
 from mjfish.fish.frames import CHANNELS
-from mjfish.formats import CHANNEL_NAMES, channel_name, p_value
+from mjfish.numerics.formats import CHANNEL_NAMES, channel_name, p_value
 from mjfish.reporting.html import readings
 from mjfish.reporting.html.figures import (
     autocorrelation_figure,

@@ -7,7 +7,7 @@ from typing import Any
 
 from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.formats import number, p_value
+from mjfish.numerics.formats import number, p_value
 
 #: Works that the text may cite, by key.
 REFERENCES = {

@@ -76,8 +76,8 @@ def render(template: str, **view: Any) -> str:
 
     Args:
         template: name of the file in ``templates``.
-        view: what the template may use. It also has the formats of `mjfish.formats` as filters, and ``themed``,
-            which turns a figure into data for plotly.js.
+        view: what the template may use. It also has the formats of `mjfish.numerics.formats` as filters, and
+            ``themed``, which turns a figure into data for plotly.js.
     """
     return _environment().get_template(template).render(view, plotly_js=Markup(plotly_js()), colours=COLOURS)  # noqa: S704
 

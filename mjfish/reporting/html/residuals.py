@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from mjfish.diagnosis import DiagnosisData, Overlay
 from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.formats import CHANNEL_NAMES
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 
 #: Bins of one beat, and of the speeds.

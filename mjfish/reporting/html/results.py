@@ -20,8 +20,8 @@ from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.formats import CHANNEL_NAMES
 from mjfish.inspection import DataReport, Inspection
+from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure

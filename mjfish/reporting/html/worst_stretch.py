@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 
 from mjfish.diagnosis import DiagnosisData, Overlay
 from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.formats import CHANNEL_NAMES
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.figures import Panel, panels, scored_predictions
 
 #: Beats that are shown.

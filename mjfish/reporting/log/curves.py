@@ -14,8 +14,8 @@ import rerun.blueprint as rrb
 
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
-from mjfish.formats import number, unit
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import number, unit
 from mjfish.reporting.stretches import logarithmic, span, stretches
 
 #: Width and height of the frame of a curve, and the room around it for labels.

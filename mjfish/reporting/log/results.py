@@ -18,10 +18,10 @@ from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.fish import Fish
-from mjfish.formats import number, percent
 from mjfish.model import Model, requested_motion
 from mjfish.model.model import Prepared, pose_of
 from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.formats import number, percent
 from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn

@@ -9,7 +9,7 @@ import pytest
 
 from mjfish.estimation.time_limit import check_time
 from mjfish.execution import executing, mapped
-from mjfish.progress import Meter
+from mjfish.execution.progress import Meter
 
 
 @pytest.fixture

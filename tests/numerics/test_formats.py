@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mjfish.diagnosis import Estimate
-from mjfish.formats import fall, number, p_value, percent
+from mjfish.numerics.formats import fall, number, p_value, percent
 
 
 @pytest.mark.parametrize(
