@@ -11,6 +11,7 @@ from mjfish.data import Trial
 from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Estimate, linearised
 from mjfish.effects import Effect
+from mjfish.effects.effect import ServoForm
 from mjfish.estimation.omnibus import beat_phase
 from mjfish.model.model import driven, requested_motion
 from mjfish.numerics.arrays import FloatArray
@@ -25,7 +26,7 @@ def servo_delays(refit: Refit) -> dict[str, Estimate]:
 
     Phase over angular frequency, in the fitted runs of the slowest and of the fastest beat.
     """
-    servos = tuple(effect for effect in refit.effects if effect.mechanism == "servo_dynamics")
+    servos = tuple(effect for effect in refit.effects if effect.mechanism == ServoForm.mechanism)
     phases = [(beat_phase(refit.problem.model.fish.cpg, trial), trial) for trial in refit.problem.trials if servos]
     inner = [slice(len(phase) // 2, -len(phase) // 10) for phase, _ in phases]  # a Hilbert phase errs at the end
     rates = [float(np.polyfit(t.time[own], phase[own], 1)[0]) for (phase, t), own in zip(phases, inner, strict=True)]

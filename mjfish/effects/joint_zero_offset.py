@@ -27,7 +27,7 @@ class JointZeroOffset(Effect):
     """
 
     name, domain, mechanism = "joint_zero_offset", "drive", "joint_zero"
-    summary = "the joints are not straight where they are told, or measured, to be"
+    summary = "the joints are not straight where told or measured to be"
     parameters = _zeros(4)
     source = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
     signature = "the fish turns where it should swim straight, always to the same side"

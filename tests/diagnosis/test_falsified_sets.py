@@ -58,7 +58,7 @@ def test_formulas_are_compared_where_all_learned_sets_fail(
     candidates: Any = [SimpleNamespace(learned=learned) for learned in (False, True)]
     single: Any = SimpleNamespace(exhausted=lambda: False)
     held_out: Any = None
-    found, refits = module._combined(single, refits, candidates, held_out, lambda *_: None)
+    found, refits = module._combined(single, refits, candidates, held_out)
     assert found is not None
     assert [row.names for row in found.retained(clean=False)] == [expected]
     assert [*refits] == [expected]

@@ -14,8 +14,8 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from mjfish import formats
 from mjfish.files.writing import write_text
+from mjfish.numerics import formats
 from mjfish.reporting.html.figures import COLOURS
 from mjfish.reporting.html.readings import Reading
 
