@@ -55,10 +55,10 @@ def _late() -> Diagnosis:
     """Return a diagnosis of servos that says how late the joints are, with a size of which the runs say nothing."""
     found = diagnosis()
     (cause,) = found.causes
-    sizes = {name: replace(value, converged_contenders=False) for name, value in cause.parameters.items()}
+    sizes = {name: replace(value, settled=False) for name, value in cause.parameters.items()}
     delays = {
         "1.1 Hz": Estimate(19.3, 19.0, 19.6, "ms"),
-        "2.23 Hz": Estimate(12.5, 1.0, 24.0, "ms", converged_contenders=False),
+        "2.23 Hz": Estimate(12.5, 1.0, 24.0, "ms", settled=False),
     }
     table = found.table.described(lambda row: replace(row, delays=delays) if row.names == found.best else row)
     first, *rest = found.candidates
@@ -122,7 +122,7 @@ def test_what_joints_lag_and_what_is_not_settled_are_there(tmp_path: Path) -> No
     _late().save(tmp_path / "diagnosis.json")
     loaded = mjfish.load_diagnosis(tmp_path / "diagnosis.json")
     assert loaded.delays == ("19.30 ms (19.00 to 19.60) at 1.1 Hz", "12 ms (these runs do not settle it) at 2.23 Hz")
-    assert [value.converged_contenders for cause in loaded.causes for value in cause.parameters.values()] == [False]
+    assert [value.settled for cause in loaded.causes for value in cause.parameters.values()] == [False]
 
 
 def test_measured_and_simulated_velocities_are_there(tmp_path: Path) -> None:

@@ -201,7 +201,7 @@ def test_the_rows_of_the_evidence_are_those_of_the_page(found: Diagnosis, termin
             or line.strip().startswith(f"{' + '.join(row.names)} ")
         )
         told = [number(row.gain), number(row.behind), p_value(row.rival_p), percent(row.chosen)]
-        told += [percent(row.left), p_value(row.fit_p)] if row.tests else ["–", "–"]
+        told += [percent(row.remaining), p_value(row.fit_p)] if row.tests else ["–", "–"]
         assert [_plain(one) for one in told] == [*cells[:4], cells[4].partition(" (")[0], cells[5]]
         assert all(_plain(one) in line for one in told), line
 
