@@ -177,7 +177,11 @@ FOUND: dict[str, tuple[str, Edit, str]] = {
     "JSON without end": ("diagnosis.json", lambda raw: b"[" * 100_000, "cannot be read as JSON"),
     "noise of no shape": ("planned.json", _saved(_ragged), "its content does not fit its hash"),
     "no model": ("planned.json", _saved(lambda tree: tree.update(fits=[])), "its content does not fit its hash"),
-    "no alternatives": ("planned.json", _saved(lambda tree: tree.update(alternatives=[])), "its content does not fit its hash"),
+    "no alternatives": (
+        "planned.json",
+        _saved(lambda tree: tree.update(alternatives=[])),
+        "its content does not fit its hash",
+    ),
 }
 
 
