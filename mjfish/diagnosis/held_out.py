@@ -107,11 +107,18 @@ class HeldOut:
         self.covariance_roots: dict[Refit | None, FloatArray] = {}
 
     def score(self, refit: Refit | None) -> Score:
-        """Return the score of a refit, None: of the nominal model."""
+        """Return the score of a refit, None: of the nominal model.
+
+        Raises:
+            FloatingPointError: what the refit predicts is no number.
+        """
         if refit not in self.scores:
             of = self.evidence if refit is None else refit
             self.scores[refit] = Recomputable(partial(predict_held_out, of.problem, of.fit.values, self.trials))
-        return self.scores[refit]()
+        found = self.scores[refit]()
+        if refit is not None and not np.isfinite(pooled_error(found.channels)):
+            raise FloatingPointError("what it predicts of the held-out trials is no number")
+        return found
 
     def predicted(self, refits: Mapping[Key, Refit]) -> dict[Key, Refit]:
         """Return the refits that predict the held-out trials; others fail."""
