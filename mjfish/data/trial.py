@@ -144,6 +144,11 @@ class Trial:
         """Whether the angles of the joints were measured: no servo stands between them and the model."""
         return self.joint_angle is not None and not self.commanded
 
+    @property
+    def joints_have_sensors(self) -> bool:
+        """Whether sensors of their own measured the joints: angles of tracks come with the `errors` of these."""
+        return self.joints_measured and self.errors is None
+
     @cached_property
     def measured(self) -> BoolArray:
         """Which of surge, sway and yaw rate (3,) were measured."""

@@ -116,7 +116,7 @@ class HeldOut:
             of = self.evidence if refit is None else refit
             self.scores[refit] = Recomputable(partial(predict_held_out, of.problem, of.fit.values, self.trials))
         found = self.scores[refit]()
-        if refit is not None and not np.isfinite(pooled_error(found.channels)):
+        if refit is not None and not all(np.isfinite(own.residual).all() for trial in found.channels for own in trial):
             raise FloatingPointError("what it predicts of the held-out trials is no number")
         return found
 

@@ -121,9 +121,9 @@ class Effect(ABC):
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
-        if self.domain == "drive" and not (
-            self.of_sensors or any(not trial.joints_measured for trial in dataset.trials)
-        ):
+        measured = [trial for trial in dataset.trials if trial.joints_measured]
+        sensors = self.of_sensors and any(trial.joints_have_sensors for trial in measured)
+        if self.domain == "drive" and len(measured) == len(dataset.trials) and not sensors:
             return "the joint angles were measured, so no servo stands between them and the model"
         return ""
 

@@ -309,7 +309,7 @@ def servos_of(active: Iterable[tuple[Effect, Values]], trial: Trial) -> Servos:
     return tuple(
         (effect, tuple(own.items()))
         for effect, own in active
-        if effect.domain == "drive" and (effect.of_sensors or not trial.joints_measured)
+        if effect.domain == "drive" and (not trial.joints_measured or (effect.of_sensors and trial.joints_have_sensors))
     )
 
 

@@ -13,6 +13,7 @@ from hidden_cases import draw
 from mjfish.data import Trial
 from mjfish.diagnosis import select
 from mjfish.diagnosis.conclusion import _misleading
+from mjfish.diagnosis.failures import Parts, noting
 from mjfish.diagnosis.held_out import HeldOut, gain, pooled_error
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.diagnosis.verdict import errs
@@ -192,3 +193,21 @@ def test_a_held_out_trial_that_no_rival_predicts_does_not_count() -> None:
     for strays, counted in ((0.0, 80), (10.0, 40)):
         refits, held_out = _rivals(np.random.default_rng(12), strays)
         assert {len(of_rival) for of_rival in held_out.of_rivals(refits).values()} == {counted}
+
+
+class _Wild:
+    names = ("wild",)
+
+
+def test_a_refit_that_predicts_no_number_fails_alone(trial: Trial) -> None:
+    """Catches a diagnosis that ends where one of its candidates runs away on the held-out trials."""
+    refit, held_out = _Wild(), HeldOut(None, (trial,))  # type: ignore[arg-type]
+    residual = np.zeros(trial.velocity.shape)
+    held_out.scores[None] = always(_score(residual, trial))
+    residual[-1, 0] = np.nan
+    held_out.scores[refit] = always(_score(residual, trial))  # type: ignore[index]
+    with noting(Parts()) as parts:
+        assert held_out.confirmed(refit, None) is None  # type: ignore[arg-type]
+        assert held_out.predicted({"wild": refit}) == {}  # type: ignore[dict-item]
+    assert list(parts.failures) == ["wild"]
+    assert "what it predicts of the held-out trials is no number" in parts.failures["wild"]

@@ -93,6 +93,8 @@ def test_a_sensor_of_a_joint_has_a_zero_too(pike: Fish, turning: Trial, share: f
     trial = _measured(pike, turning)
     assert ZERO.not_applicable(Dataset("d", pike, (trial,))) == ""
     assert derivative_error(pike, trial, ZERO, {n: share * bend for n, bend in BEND.items()}, "joint_2") < 1e-7
+    tracked = replace(trial, errors=readonly(np.zeros((1, len(trial.time), 3 + len(BEND)))))
+    assert "joint angles were measured" in ZERO.not_applicable(Dataset("d", pike, (tracked,)))
     model = Model(pike, (ZERO,))
     values = {f"joint_zero_offset.{short}": bend for short, bend in BEND.items()}
     moved = replace(trial, joint_angle=readonly(trial.joint_angle + list(BEND.values())))  # type: ignore[operator]
