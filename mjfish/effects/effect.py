@@ -119,11 +119,13 @@ class Effect(ABC):
         super().__init_subclass__()
         cls.mechanism = cls.mechanism or getattr(cls, "name", "")
 
+    def moves_joints(self, trial: Trial) -> bool:
+        """Return whether this effect stands between the angles of `trial` and its joints."""
+        return self.domain == "drive" and (not trial.joints_measured or (self.of_sensors and trial.joints_have_sensors))
+
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""
-        measured = [trial for trial in dataset.trials if trial.joints_measured]
-        sensors = self.of_sensors and any(trial.joints_have_sensors for trial in measured)
-        if self.domain == "drive" and len(measured) == len(dataset.trials) and not sensors:
+        if self.domain == "drive" and not any(map(self.moves_joints, dataset.trials)):
             return "the joint angles were measured, so no servo stands between them and the model"
         return ""
 

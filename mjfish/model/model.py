@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -304,13 +304,9 @@ def recorded_joints(trial: Trial, share: float = measured.ALLOWED) -> tuple[meas
     return tuple(measured.Smoothed(joint.spline, joint.sigma, joint.intensity) for joint in found)
 
 
-def servos_of(active: Iterable[tuple[Effect, Values]], trial: Trial) -> Servos:
-    """Return the effects between the angles of a trial and the joints: of measured angles those of their sensors."""
-    return tuple(
-        (effect, tuple(own.items()))
-        for effect, own in active
-        if effect.domain == "drive" and (not trial.joints_measured or (effect.of_sensors and trial.joints_have_sensors))
-    )
+def servos_of(active: ActiveEffects, trial: Trial) -> Servos:
+    """Return the effects between the angles of a trial and its joints: of measured angles those of their sensors."""
+    return tuple((effect, tuple(own.items())) for effect, own in active if effect.moves_joints(trial))
 
 
 def joint_motion(asked: JointMotion, servos: Servos) -> JointMotion:

@@ -283,8 +283,8 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         hooked = tuple(active for active in at.acting_with(effect) if active[0].overrides("body"))
         rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
         links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
-    servos = servos_of([(e, dict(own)) for e, own in at.acting_with(effect)], at.trial)
-    if effect.overrides("drive") and any(acting is effect for acting, _ in servos):
+    if effect.overrides("drive") and effect.moves_joints(at.trial):
+        servos = tuple(active for active in at.acting_with(effect) if active[0].moves_joints(at.trial))
         asked = requested_motion(at.model.fish.cpg, at.trial, at.run.step)
         motion = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
     if effect.load is not None:
