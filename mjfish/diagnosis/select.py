@@ -104,7 +104,8 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = gains.max() - gains[index]
         finite("the comparison of the candidates", margin=float(observed), by_run=float(margin.sum()))
-        p_value = float((1 + np.count_nonzero(margin.max(axis=1) >= observed - 1e-9)) / (1 + DRAWS))
+        most = np.maximum(margin.max(axis=1), 0.0)  # its margin over itself is 0, which the root has rounded
+        p_value = float((1 + np.count_nonzero(most >= observed - 1e-9)) / (1 + DRAWS))
         result[name] = Row.of(name, refits[name], float(observed), p_value, chosen[index] if chosen else None)
     return result
 
