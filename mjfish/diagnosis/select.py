@@ -99,14 +99,15 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
     result, rng = {}, np.random.default_rng(0)  # its own: what else is drawn moves no verdict
     for index, name in enumerate(names):
         inner = sum(_inner(residuals[:, at : at + _ROWS], index) for at in range(0, residuals.shape[1], _ROWS))
-        values, vectors = np.linalg.eigh(inner)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        values, root = np.linalg.eigh(inner)
+        root *= np.sqrt(np.maximum(values, 0.0))
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
-        observed = gains.max() - gains[index]
-        finite("the comparison of the candidates", margin=float(observed), by_run=float(margin.sum()))
-        most = np.maximum(margin.max(axis=1), 0.0)  # its margin over itself is 0, which the root has rounded
-        p_value = float((1 + np.count_nonzero(most >= observed - 1e-9)) / (1 + DRAWS))
-        result[name] = Row.of(name, refits[name], float(observed), p_value, chosen[index] if chosen else None)
+        observed = float(gains.max() - gains[index])
+        finite("the comparison of the candidates", margin=observed, by_run=float(margin.sum()))
+        beaten = np.count_nonzero(margin.max(axis=1, initial=0.0) >= observed - 1e-9)  # by itself by 0, if rounded
+        result[name] = Row.of(
+            name, refits[name], observed, (1 + int(beaten)) / (1 + DRAWS), chosen[index] if chosen else None
+        )
     return result
 
 
