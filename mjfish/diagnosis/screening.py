@@ -47,7 +47,7 @@ _DIRECTED, _OMNIBUS, _NONSMOOTH = 0.625, 0.125, 0.25
 _BEYOND = 1e-12
 #: Rounds of estimating the noise of sensors before the nominal fit, and beside a walk; most evaluations of the former.
 _ROUNDS, _ROUGH = 2, 15
-#: Mean square under the stated noise below which a refit tells the noise, where the nominal model is far off.
+#: Mean square under a known noise below which a refit tells the noise, where the nominal model is far off.
 _FITTED = 1.5
 
 
@@ -126,11 +126,10 @@ def _screened_sensors(
     candidates: tuple[Effect, ...],
 ) -> Screening:
     """Screen where sensors alone were measured, whose noise is white and known from their third differences."""
-    refitted = _under_the_known_noise(problem, baseline, slopes, candidates)
     seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
     if seen.p_wrong >= THRESHOLDS.alarm:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
-    refitted = refits(seen.evidence, candidates, refitted, seen.refits)
+    refitted = _far_off(problem, baseline, slopes, candidates) or refits(seen.evidence, candidates, None, seen.refits)
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
         best = _led(refitted)
         problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
@@ -160,9 +159,10 @@ def _screened(
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
     refitted: dict[str, Refit] = {}
     if stated is not None and not problem.walk:
-        refitted = _under_the_known_noise(problem, baseline, slopes, candidates)
-    if refitted:
-        best = leader(refitted)
+        refitted = _far_off(problem, baseline, slopes, candidates)
+    if refitted and not _fits(best := leader(refitted)):
+        refitted = {}
+    elif refitted:
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     test = _NominalTest(candidates, slopes)
     seen = test.run(problem, baseline, noise)
@@ -220,25 +220,28 @@ def _walking(
     return before if rivals and leader(rivals).fit.sse < left else (walking, found, along)
 
 
-def _under_the_known_noise(
+def _far_off(
     problem: Problem, baseline: Fit, slopes: Recomputable[Slopes], candidates: tuple[Effect, ...]
 ) -> dict[str, Refit]:
-    """Return refits under the noise of the problem, where it is known, the model far off, and one fits; else none.
+    """Return refits under the noise of the problem where the nominal model is far off; none where it is not.
 
-    What no linearised model explains of a large misfit would be taken for noise, and the true cause have little to
-    explain.
+    The score of the true cause may be small there: where no refit of those with large scores fits, every formula is
+    refitted. Where one fits, its residual tells the noise: what no linearised model explains of a large misfit would be
+    taken for noise, and the true cause have little to explain.
     """
     if not far_off(baseline):
         return {}
     evidence, found = gather(problem, baseline, candidates, slopes), dict[str, Refit]()
-    for make in (refits, other_refits):  # where the nominal model is far off, the score of the true cause may be small
+    for make in (refits, other_refits):
         found |= make(evidence, [e for e in candidates if e.name not in found])
-        if not found:
-            return {}
-        best = _led(found)
-        if best.fit.sse < _FITTED * best.fit.count:
-            return found
-    return {}
+        if not found or _fits(_led(found)):
+            break
+    return found
+
+
+def _fits(refit: Refit) -> bool:
+    """Return whether a refit leaves little more than the noise of its problem."""
+    return refit.fit.sse < _FITTED * refit.fit.count
 
 
 def _led(found: dict[str, Refit]) -> Refit:
