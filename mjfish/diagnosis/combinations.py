@@ -102,14 +102,15 @@ def _searched(
         execution().meter.stage(f"looking for {size} causes at once", {2: 0.8}.get(size, 0.95))
         earned: dict[Names, Refit] = {}
         whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)
-        for grown in (_grown, _grown_by_unscored):
+        # formulas first: where two leave nothing, a learned form explains no more, and takes ten times as long
+        for grown in (formulas := partial(_grown, learned=False), _grown, _grown_by_unscored):
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
             if earned:
                 best = compared(earned, goodness)
                 sufficient = [earned[row.names] for row in best.staying() if row.clean()]
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
-                if not sufficient and any(row.leaves_little() for row in best.staying()):
+                if not sufficient and grown is not formulas and any(row.leaves_little() for row in best.staying()):
                     return best
                 if sufficient:
                     known.update(parts := _parts(sufficient, known))
@@ -145,15 +146,26 @@ def _best(refits: Iterable[Refit]) -> list[Refit]:
 
 
 def _grown(
-    bases: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
+    bases: Sequence[Refit],
+    evidence: Callable[[Refit], Evidence],
+    known: Mapping[Names, Refit],
+    whole: float,
+    *,
+    learned: bool = True,
 ) -> dict[Names, Refit]:
-    """Add what is seen best to the bases; then, to the best result less one member, what is seen best there."""
-    found = _extended(bases, evidence, known, whole, _visible_additions)
+    """Add what is seen best to the bases; then, to the best result less one member, what is seen best there.
+
+    Args:
+        bases, evidence, known, whole: as in `_extended`.
+        learned: whether learned forms are extended and added, too.
+    """
+    shortlist = partial(_visible_additions, learned=learned)
+    found = _extended([base for base in bases if learned or not base.learned], evidence, known, whole, shortlist)
     leader = max(found.values(), key=lambda refit: refit.gain, default=None)
     if leader is None or not _resembles(leader, whole):
         return found
     known = {**known, **found}
-    return {**found, **_extended(_without(leader, known), evidence, known, whole, _visible_additions)}
+    return {**found, **_extended(_without(leader, known), evidence, known, whole, shortlist)}
 
 
 def _grown_by_unscored(
@@ -213,15 +225,10 @@ def converged_refit(refit: Refit, least: float) -> Refit:
     return converged_learned_form(refit, least) if refit.effects[-1].learned else converged_formula(refit, least)
 
 
-def _ranked(after: Evidence) -> list[Effect]:
-    """Return the few additions with the best scores, the best first."""
-    shown = [effect for effect in after.candidates if after.scored(effect.name)]
-    return sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
-
-
-def _visible_additions(after: Evidence) -> list[Effect]:
-    """Return the additions whose scores are large enough for a refit, if any is seen."""
-    ranked = _ranked(after)
+def _visible_additions(after: Evidence, *, learned: bool) -> list[Effect]:
+    """Return the few additions with the best scores, if these are large enough for a refit, the best first."""
+    shown = [e for e in after.candidates if after.scored(e.name) and (learned or not e.learned)]
+    ranked = sorted(shown, key=lambda effect: -after.worth(effect.name))[:_ADDED]
     if not ranked or after.directed_p() > _SEEN:
         return []
     least = max(_HALF_OF_IT * after.saturated_excess(), MEMBER)

@@ -32,7 +32,7 @@ from mjfish.diagnosis.combinations import converged_refit, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
-from mjfish.diagnosis.refit import lowest
+from mjfish.diagnosis.refit import far_off, lowest
 from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.select import Goodness, compared
@@ -200,8 +200,8 @@ def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:
 
 
 #: Fewest runs of which one can be the odd one, and how many are tried, those of which omnibus waves explain most: one
-#: of the same drive may be as far off.
-_FEWEST, _TRIED = 4, 2
+#: of the same drive may be as far off. Evaluations after which the nominal model is near, if it fits the others.
+_FEWEST, _TRIED, _TRY = 4, 2, 15
 
 
 def outlying_run(evidence: Evidence) -> int | None:
@@ -226,8 +226,8 @@ def _rest_fits(evidence: Evidence, index: int) -> bool:
     """Return whether nothing contradicts the nominal model, fitted without one trial."""
     every = evidence.problem.trials
     problem = replace(evidence.problem, trials=(*every[:index], *every[index + 1 :]), windows=None)
-    found = fit(problem, problem.start(evidence.fit.values), tolerance=1e-6)
-    if found.lost:
+    found = fit(problem, problem.start(evidence.fit.values), tolerance=1e-6, evaluations=_TRY)
+    if found.lost or far_off(found):
         return False
     after = gather(problem, found, evidence.candidates)
     return min(tail(*after.saturated()), tail(*after.omnibus)) >= THRESHOLDS.goodness

@@ -99,7 +99,7 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
 
     def extended(bases: Any, _evidence: Any, _known: Any, _whole: float, shortlist: Any) -> dict[Names, _Set]:
         size = len(bases[0].names) + 1
-        found = came_by[size] if shortlist is module._visible_additions else []
+        found = [] if shortlist is module._unscored_additions else came_by[size]
         return {names: _Set(names, gains[names], gains=gains) for names in found}
 
     def compared(sets: dict[Names, _Set], *_: Any) -> Comparison:
@@ -165,7 +165,7 @@ def _scored(scores: dict[str, float], excess: float, causes: int = 1) -> Any:
     """Return the evidence of candidates with these scores beside so many causes, of all that they explain together."""
     return SimpleNamespace(
         problem=SimpleNamespace(causes=("cause",) * causes),
-        candidates=[SimpleNamespace(name=name) for name in scores],
+        candidates=[SimpleNamespace(name=name, learned=name.isupper()) for name in scores],
         scored=lambda _: True,
         directed_p=lambda: 0.0,
         saturated_excess=lambda: excess,
@@ -183,14 +183,44 @@ def _scored(scores: dict[str, float], excess: float, causes: int = 1) -> Any:
     ],
 )
 def test_additions_explain_half_of_what_is_left(scores: dict[str, float], added: list[str]) -> None:
-    assert [effect.name for effect in module._visible_additions(_scored(scores, 100.0))] == added
+    assert [effect.name for effect in module._visible_additions(_scored(scores, 100.0), learned=True)] == added
+
+
+def test_formulas_are_added_before_learned_forms() -> None:
+    """A learned form with a larger score takes no place from a formula."""
+    scores = {"CURVE": 95.0, "LAW": 93.0, "a": 90.0, "b": 80.0, "c": 70.0}
+    for learned, added in ((False, ["a", "b", "c"]), (True, ["CURVE", "LAW", "a"])):
+        assert [e.name for e in module._visible_additions(_scored(scores, 100.0), learned=learned)] == added
+
+
+@pytest.mark.parametrize(("fit_p", "asked"), [(1.0, [False]), (0.0, [False, True])])
+def test_no_learned_form_is_asked_for_where_two_formulas_leave_nothing(
+    monkeypatch: pytest.MonkeyPatch, fit_p: float, asked: list[bool]
+) -> None:
+    seen, gains = [], {**GAINS, ("drag", "wake"): 593.0}
+
+    def extended(_bases: Any, _evidence: Any, _known: Any, _whole: float, shortlist: Any) -> dict[Names, _Set]:
+        if shortlist is module._unscored_additions:
+            return {}
+        seen.append(shortlist.keywords["learned"])
+        return {("drag", "wake"): _Set(("drag", "wake"), 593.0, gains=gains)}
+
+    monkeypatch.setattr(module, "_extended", extended)
+    monkeypatch.setattr(module, "_beside", _all_else)
+    monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
+    monkeypatch.setattr(
+        module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, fit_p, 0.5) for n, one in sets.items()})
+    )
+    singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
+    find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
+    assert [*dict.fromkeys(seen)] == asked
 
 
 def test_an_addition_that_cannot_earn_its_place_is_not_refitted() -> None:
     """But for the best second cause, whose score may be small because it is large."""
     small = {"a": 19.0, "b": 18.0}
-    assert [effect.name for effect in module._visible_additions(_scored(small, 20.0))] == ["a"]
-    assert module._visible_additions(_scored(small, 20.0, causes=2)) == []
+    assert [effect.name for effect in module._visible_additions(_scored(small, 20.0), learned=True)] == ["a"]
+    assert module._visible_additions(_scored(small, 20.0, causes=2), learned=True) == []
 
 
 @pytest.mark.parametrize(("whole", "expected"), [(750.0, ["near"]), (1200.0, [])])

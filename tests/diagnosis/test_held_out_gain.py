@@ -177,7 +177,7 @@ def test_rivals_are_compared_alike_however_many_rows_at_a_time(monkeypatch: pyte
 
 
 def test_nothing_beats_the_best_wherever_it_stands() -> None:
-    """Catches the rounding of margins that are 0: they were 1e-5 here, and the best lost to itself in half the draws."""
+    """Catches rounded margins that are 0: they were 1e-5 here, and the best lost to itself in half the draws."""
     for seed in range(4):
         columns = np.random.default_rng(seed).standard_normal((40, 6))
         data = 1e3 * columns[:, 2]
