@@ -10,17 +10,19 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import converged_formula, converged_learned_form, refit_with
-from mjfish.diagnosis.refit_result import Refit, extended, followed
+from mjfish.diagnosis.refit import converged_formula, converged_learned_form, far_off, refit_with
+from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
 from mjfish.diagnosis.thresholds import LARGEST, THRESHOLDS
 from mjfish.effects.effect import Effect
+from mjfish.estimation.fit import fit_or_raise
 from mjfish.execution import execution
 
 #: Sets of causes, compared, or None; and all refits.
@@ -102,15 +104,15 @@ def _searched(
         execution().meter.stage(f"looking for {size} causes at once", {2: 0.8}.get(size, 0.95))
         earned: dict[Names, Refit] = {}
         whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)
-        # formulas first: where two leave nothing, a learned form explains no more, and takes ten times as long
-        for grown in (formulas := partial(_grown, learned=False), _grown, _grown_by_unscored):
+        # formulas first: where they leave nothing, a learned form explains no more, and takes ten times as long
+        for grown in (partial(_grown, learned=False), _grown_by_unscored, _grown):
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
             if earned:
                 best = compared(earned, goodness)
                 sufficient = [earned[row.names] for row in best.staying() if row.clean()]
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
-                if not sufficient and grown is not formulas and any(row.leaves_little() for row in best.staying()):
+                if not sufficient and grown is _grown and any(row.leaves_little() for row in best.staying()):
                     return best
                 if sufficient:
                     known.update(parts := _parts(sufficient, known))
@@ -165,7 +167,18 @@ def _grown(
     if leader is None or not _resembles(leader, whole):
         return found
     known = {**known, **found}
-    return {**found, **_extended(_without(leader, known), evidence, known, whole, shortlist)}
+    found |= _extended(_without(leader, known), evidence, known, whole, shortlist)
+    best = max(found.values(), key=lambda refit: refit.gain)
+    lost = [refit for refit in found.values() if refit.mechanisms == best.mechanisms and far_off(refit.fit)]
+    nearer = followed(partial(_from_the_best, best), lost if not far_off(best.fit) else [])
+    return {**found, **{tuple(sorted(refit.names)): refit for refit in nearer}}
+
+
+def _from_the_best(best: Refit, refit: Refit) -> Refit:
+    """Follow a set that is far off from the coefficients of another of its mechanisms, and the sizes that both have."""
+    start = refit.problem.start({**refit.fit.values, **best.fit.values})
+    here = fit_or_raise(refit.problem, start, tolerance=TOLERANCE)
+    return replace(refit, fit=here, gain=refit.gain + refit.fit.sse - here.sse) if here.sse < refit.fit.sse else refit
 
 
 def _grown_by_unscored(
@@ -195,11 +208,16 @@ def _extended(
     found: dict[Names, Refit] = {}
     for base in bases:
         after = evidence(base)
-        new = [effect for effect in shortlist(after) if _with(base, effect) not in known]
-        for refit in extended(partial(refit_with, gained=base.gain), new, after):
-            names = _with(base, refit.effects[-1])
-            if names not in found or refit.gain > found[names].gain:
-                found[names] = refit
+        chosen = shortlist(after)
+        ends = {name for effect in chosen for name in effect.limits}
+        new = [e for e in after.candidates if e in chosen or (e.name in ends and not after.unidentifiable(e.name))]
+        for general in (False, True):  # which begins at the formulas that it becomes at the ends of its parameters
+            round_of = [e for e in new if bool(e.limits) == general and _with(base, e.name) not in known]
+            given = [[found[names] for end in e.limits if (names := _with(base, end)) in found] for e in round_of]
+            for refit in extended(partial(refit_with, gained=base.gain), round_of, after, given):
+                names = _with(base, refit.names[-1])
+                if names not in found or refit.gain > found[names].gain:
+                    found[names] = refit
     if found:
         top = max(refit.gain for refit in found.values())
         floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
@@ -215,9 +233,9 @@ def _extended(
     return found
 
 
-def _with(base: Refit, effect: Effect) -> Names:
+def _with(base: Refit, name: str) -> Names:
     """Return the names of a set with one more cause, sorted."""
-    return tuple(sorted((*base.names, effect.name)))
+    return tuple(sorted((*base.names, name)))
 
 
 def converged_refit(refit: Refit, least: float) -> Refit:

@@ -36,8 +36,8 @@ _PROMISING, _NEAR = 0.3, 0.6
 #: Beside such a formula, a learned form is taken to explain at most so many times what the best formula of its own
 #: mechanism does at its refit: its score is first order, and of a strong effect promises too much.
 _TIMES = 1.5
-#: And followed to its optimum where its coarse refit explains this share of the best; where a formula leaves nothing,
-#: and is of another mechanism.
+#: And followed to its optimum where its coarse refit explains this share of the best, or its next step promises that;
+#: where a formula leaves nothing, and is of another mechanism.
 _RUNNING, _RIVAL = 0.5, 0.85
 #: Draws of other forms, and the share of them that may go unseen.
 _OTHERS, _UNSEEN = 400, 0.2
@@ -113,13 +113,20 @@ def refit_learned_forms(
 
     formulas = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in seen]
     coarse = [*extended(refit_with, seen, scored, formulas)]
-    best = max((refit.gain for refit in [*refits.values(), *coarse]), default=0.0)
-    least_share = [_RIVAL if known and refit.mechanisms[0] not in known else _RUNNING for refit in coarse]
-    running = [refit for refit, share in zip(coarse, least_share, strict=True) if refit.gain >= share * best]
-    return {
-        refit.names[0]: refit
-        for refit in followed(partial(converged_learned_form, best=evidence.fit.sse - best), running)
-    }
+
+    def reach(refit: Refit) -> float:
+        """Return the largest gain of others beside which it is followed."""
+        if known:
+            return refit.gain / (_RUNNING if refit.mechanisms[0] in known else _RIVAL)
+        return (refit.gain + refit.promise) / _RUNNING
+
+    made: list[Refit] = []
+    ranked = sorted(coarse, key=reach, reverse=True)
+    for some in (ranked[:1], ranked[1:]):  # the most promising one tells whether the others come near it
+        best = max((refit.gain for refit in [*refits.values(), *coarse, *made]), default=0.0)
+        running = [refit for refit in some if reach(refit) >= best]
+        made += followed(partial(converged_learned_form, best=evidence.fit.sse - best), running)
+    return {refit.names[0]: refit for refit in made}
 
 
 def promising(

@@ -14,6 +14,7 @@ from mjfish.diagnosis.combinations import beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_with
+from mjfish.diagnosis.refit_result import Refit
 from mjfish.diagnosis.table import Comparison, Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -35,6 +36,7 @@ class _Set:
     gains: Any = field(default=None, hash=False)
     learned: bool = False
     promise: float = 0.0
+    fit: Any = field(default_factory=lambda: SimpleNamespace(sse=1.0, count=1), hash=False, compare=False)
 
     @property
     def effects(self) -> list[Any]:
@@ -136,6 +138,23 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
     assert set(sizes) == {2}
 
 
+def test_a_set_that_is_far_off_is_refitted_from_the_best_of_its_mechanisms() -> None:
+    """From a servo lag of next to nothing, and coefficients that make up for it, the fit ends in another minimum."""
+    lag, scale = find("servo_lag"), find("velocity_scale")
+    values = {"servo_lag.time_constant": 0.03, "velocity_scale.error": 0.1}
+    dataset = generate(
+        load_fish("pike"), ["v1", "v5"], values=values, effects=[lag, scale], noise=SIGMA, duration=4.0, seed=3
+    )
+    problem = Problem(Model(load_fish("pike"), (lag, scale)), dataset.trials, Noise.white(SIGMA))
+    best = Refit((lag, scale), problem, fit(problem, problem.start(values)), 1000.0)
+    bent = problem.start({"servo_lag.time_constant": 0.0, "c_m.body": 3.0, "c_d.tail": 0.1})
+    lost = Refit((lag, scale), problem, fit(problem, bent, evaluations=1), 100.0)
+    found = module._from_the_best(best, lost)
+    assert found.fit.sse == pytest.approx(best.fit.sse, rel=1e-4)
+    assert found.gain == pytest.approx(100.0 + lost.fit.sse - best.fit.sse, rel=1e-3)
+    assert module._from_the_best(lost, best) is best
+
+
 def test_a_set_without_a_member_has_the_fit_that_never_had_it() -> None:
     lag, scale = find("servo_lag"), find("velocity_scale")
     pike = load_fish("pike")
@@ -165,7 +184,8 @@ def _scored(scores: dict[str, float], excess: float, causes: int = 1) -> Any:
     """Return the evidence of candidates with these scores beside so many causes, of all that they explain together."""
     return SimpleNamespace(
         problem=SimpleNamespace(causes=("cause",) * causes),
-        candidates=[SimpleNamespace(name=name, learned=name.isupper()) for name in scores],
+        candidates=[SimpleNamespace(name=name, learned=name.isupper(), limits=()) for name in scores],
+        unidentifiable=lambda _: False,
         scored=lambda _: True,
         directed_p=lambda: 0.0,
         saturated_excess=lambda: excess,
@@ -230,15 +250,8 @@ def test_what_cannot_be_like_the_truth_is_not_followed(
     """Catches a pair that leaves most, or is far behind another pair, and is fitted to its optimum all the same."""
     gains, followed = {"near": 600.0, "far": 450.0}, []
 
-    class _Refitted(_Set):
-        fit = SimpleNamespace(sse=1.0)
-
-        @property
-        def effects(self) -> list[Any]:
-            return [SimpleNamespace(name=self.names[-1])]
-
-    def made(_make: Any, new: Any, _after: Any) -> list[_Set]:
-        return [_Refitted(("base", effect.name), gains[effect.name]) for effect in new]
+    def made(_make: Any, new: Any, _after: Any, _given: Any) -> list[_Set]:
+        return [_Set(("base", effect.name), gains[effect.name]) for effect in new]
 
     def follow(_make: Any, refits: Any) -> list[Any]:
         followed.extend(refit.names[-1] for refit in refits)
@@ -250,6 +263,23 @@ def test_what_cannot_be_like_the_truth_is_not_followed(
     beside = _scored({"near": 1.0, "far": 1.0}, 1.0)
     module._extended([base], lambda _: beside, {}, whole, lambda after: after.candidates)
     assert followed == expected
+
+
+def test_a_general_form_is_added_after_the_formulas_that_it_begins_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches a lag of limited speed that is refitted from nowhere: it explained less than nothing."""
+    made = []
+
+    def extended(_make: Any, new: Any, _after: Any, given: Any) -> list[_Set]:
+        made.extend((effect.name, [one.names for one in own]) for effect, own in zip(new, given, strict=True))
+        return [_Set(("base", effect.name), 500.0) for effect in new]
+
+    beside = _scored({"both": 9.0, "lag": 0.0, "limit": 0.0}, 1.0)
+    beside.candidates[0].limits = ("lag", "limit")
+    monkeypatch.setattr(module, "extended", extended)
+    monkeypatch.setattr(module, "followed", lambda *_: [])
+    base: Any = _Set(("base",), 400.0)
+    module._extended([base], lambda _: beside, {}, 750.0, lambda after: after.candidates[:1])
+    assert made == [("lag", []), ("limit", []), ("both", [("base", "lag"), ("base", "limit")])]
 
 
 def test_a_set_has_one_learned_form_at_most() -> None:
