@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -28,7 +28,8 @@ from mjfish.files.plain_data import plain, unsaved
 from mjfish.files.result import Result
 from mjfish.inspection import Inspection
 from mjfish.model import Model
-from mjfish.model.extended import Extended
+from mjfish.model.extended import Extended, with_values
+from mjfish.model.origin import with_origin
 from mjfish.model.posterior import Posterior
 from mjfish.numerics.arrays import BoolArray, FloatArray
 from mjfish.numerics.formats import percent
@@ -305,7 +306,13 @@ class Diagnosis(DiagnosisData):
         model, sizes = self.extended_model, dict(self.extended)
         for row in self.table.random:
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
-        return Extended(model, {name: value.estimate for name, value in sizes.items()})
+        made = Extended(model, {name: value.estimate for name, value in sizes.items()})
+        guess = f" Not named: {', '.join(self.best)}, which explains most." if self.best else ""
+        outcome = f"{self.verdict}: {self.message}" + (guess if self.verdict != "named" else "")
+        intervals = {name: (value.low, value.high) for name, value in sizes.items() if value.settled}
+        fish, trials = with_values(model.fish, made.values), self.problem.trials
+        fish = with_origin(fish, self.dataset.name, outcome, trials, intervals)
+        return Extended(replace(model, fish=fish), made.values)
 
     def _public_name(self, cause: str) -> str:
         """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""

@@ -22,9 +22,11 @@ from pydantic import (
 
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.files import tomlfile
+from mjfish.files.checksummed_json import digest
 from mjfish.files.tomlfile import Table, complaining
 from mjfish.files.writing import exists
 from mjfish.fish import parameter_priors
+from mjfish.fish.identified import ANY, Identified
 from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
 
@@ -180,6 +182,7 @@ class Fish(Table):
         schema_: of the file, 1.
         cpg: the oscillator that drives the joints; absent where joint angles are always measured.
         servo: of the joints, in MuJoCo only.
+        identified: the body and the runs that the coefficients were fitted to; None: they come from no fit.
         known: the numbers that are given as ``{ value, sd }`` or ``{ value, low, high }``: they are free in a fit.
 
     Example:
@@ -205,6 +208,7 @@ class Fish(Table):
     coefficients: Coefficients
     cpg: Cpg | None = None
     servo: Servo | None = None
+    identified: Identified | None = None
     known: tuple[FishParameterPrior, ...] = ()
 
     def __init__(self, **keys: object) -> None:
@@ -242,6 +246,12 @@ class Fish(Table):
                 f"give at least {-((3.0 * self.tail_hardening) ** 0.5):g}, or a larger hardening"
             )
         self._check_outline()
+        if self.identified is not None and self.identified.geometry not in (ANY, self.geometry):
+            raise ValueError(
+                f"identified.geometry: the coefficients were fitted to dataset '{self.identified.dataset}' on another "
+                "body, expected the links and sections of this one; identify them on this body, or write "
+                f'geometry = "{ANY}" in [identified] to use them on it all the same'
+            )
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other
             parameter.check(parameter.default)
         try:
@@ -287,6 +297,12 @@ class Fish(Table):
     def length(self) -> float:
         """Length from nose to tip [m]."""
         return sum(link.length for link in self.links)
+
+    @property
+    def geometry(self) -> str:
+        """The body that the coefficients hold for: SHA-256 of its links, without their names, and sections."""
+        links = [link.model_dump(exclude={"name"}) for link in self.links]
+        return digest([links, [section.model_dump() for section in self.sections]])
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -378,9 +394,9 @@ class Fish(Table):
             kinds[kind][group] = Coefficient(
                 value=new.default, start=new.start, low=new.low, high=new.high, sd=new.sd, mean=mean
             )
-        return self.model_copy(
-            update={"coefficients": Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})}
-        )
+        chosen = Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})
+        record = self.identified and self.identified.after(parameters, self.geometry)
+        return self.model_copy(update={"coefficients": chosen, "identified": record})
 
     def with_values(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the named coefficients, each checked against its bounds."""

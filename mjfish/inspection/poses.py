@@ -29,9 +29,9 @@ from scipy import ndimage, stats
 
 from mjfish.data import Dataset, Sensor, Trial
 from mjfish.data.trial import rows_of
+from mjfish.data.validation import beats
 from mjfish.fish import Fish
 from mjfish.inspection.finding import Finding
-from mjfish.inspection.runs import beats
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray
 

@@ -22,10 +22,9 @@ from scipy import signal, stats
 from scipy.spatial import cKDTree
 
 from mjfish.data import Trial, columns
-from mjfish.data.validation import GAP
+from mjfish.data.validation import GAP, beats
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
-from mjfish.inspection.runs import beats
 from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
 
 #: Neighbours to either side, the degree of the polynomial and one, halved.
