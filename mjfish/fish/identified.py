@@ -11,6 +11,8 @@ from mjfish.files.tomlfile import Table
 ANY = "any"
 #: Lower and upper end.
 Span = tuple[float, float]
+Quantity = Literal["speed", "beat", "amplitude"]
+Range = dict[Quantity, Span]
 
 
 class Identified(Table):
@@ -32,7 +34,7 @@ class Identified(Table):
     dataset: str
     by: str
     outcome: str
-    range: dict[Literal["speed", "beat", "amplitude"], Span]
+    range: Range
     intervals: dict[str, Span]
 
     def after(self, changed: Container[str], geometry: str) -> Identified:

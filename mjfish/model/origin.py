@@ -11,15 +11,15 @@ from mjfish.data import Trial
 from mjfish.data.looking import for_looking
 from mjfish.data.validation import SAME, beats
 from mjfish.fish import Cpg, Fish
-from mjfish.fish.identified import Identified, Span
+from mjfish.fish.identified import Identified, Quantity, Range, Span
 from mjfish.model.model import requested_motion
 
-_UNITS = {"speed": "m/s", "beat": "Hz", "amplitude": "rad"}
+_UNITS: dict[Quantity, str] = {"speed": "m/s", "beat": "Hz", "amplitude": "rad"}
 
 
-def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[str, Span]:
+def covered(trials: Iterable[Trial], cpg: Cpg | None) -> Range:
     """Return the range of some runs, see `Identified.range`; places and headings are differentiated for the speed."""
-    found: dict[str, list[float]] = {name: [] for name in _UNITS}
+    found: dict[Quantity, list[float]] = {name: [] for name in _UNITS}
     for trial in map(for_looking, trials):
         if trial.measured[0]:
             found["speed"].append(float(np.nanmean(trial.velocity[len(trial.time) // 2 :, 0])))
@@ -55,7 +55,7 @@ def outside(fish: Fish, trial: Trial) -> str:
 
     Numbers count as the same to a twentieth of the larger end.
     """
-    known = {} if fish.identified is None else fish.identified.range
+    known: Range = {} if fish.identified is None else fish.identified.range
     left = [
         f"{name} {_told(own)} {_UNITS[name]}, fitted {_told(ends)} {_UNITS[name]}"
         for name, own in (covered([trial], fish.cpg) if known else {}).items()
