@@ -92,23 +92,14 @@ def item(word: str, text: str, style: str = "") -> None:
 
 
 def show(shown: Table) -> None:
-    """Print a table with all of its letters: where there is no room, headings are broken, then names, then numbers."""
-    if _narrowest(shown, _ENDLESS) > out.width:
-        shown.padding = 0
-        for column in shown.columns:
-            column.header = str(column.header).replace(" ", "\n")
-    whole = _narrowest(shown, _SHORTEST) <= out.width
+    """Print a table with all of its letters: names are broken into lines where there is no room, then numbers, too."""
     for column in shown.columns:
-        column.max_width, column.no_wrap = None, column.no_wrap and whole
+        column.max_width = None if column.no_wrap else _SHORTEST
+    narrowest = out.measure(shown, options=out.options.update(width=_ENDLESS)).maximum
+    for column in shown.columns:
+        column.max_width = None
+        column.no_wrap = column.no_wrap and narrowest <= out.width
     out.print(shown)
-
-
-def _narrowest(shown: Table, longest: int) -> int:
-    """Return the width of a table whose names are broken between words, and where they are longer than this."""
-    for column in shown.columns:
-        words = " ".join(map(str, column.cells)).split()
-        column.max_width = None if column.no_wrap else min(max(map(len, words), default=1), longest)
-    return out.measure(shown, options=out.options.update(width=_ENDLESS)).maximum
 
 
 def listed(paths: Sequence[Path]) -> str:

@@ -306,13 +306,16 @@ class Diagnosis(DiagnosisData):
         model, sizes = self.extended_model, dict(self.extended)
         for row in self.table.random:
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
-        made = Extended(model, {name: value.estimate for name, value in sizes.items()})
-        guess = f" Not named: {', '.join(self.best)}, which explains most." if self.best else ""
-        outcome = f"{self.verdict}: {self.message}" + (guess if self.verdict != "named" else "")
-        intervals = {name: (value.low, value.high) for name, value in sizes.items() if value.settled}
-        fish, trials = with_values(model.fish, made.values), self.problem.trials
-        fish = with_origin(fish, self.dataset.name, outcome, trials, intervals)
-        return Extended(replace(model, fish=fish), made.values)
+        values = Extended(model, {name: value.estimate for name, value in sizes.items()}).values
+        unnamed = f" Not named: {', '.join(self.best)}, which explains most." * (self.best != () and not self.causes)
+        fish = with_origin(
+            with_values(model.fish, values),
+            self.dataset.name,
+            f"{self.verdict}: {self.message}{unnamed}",
+            self.problem.trials,
+            {name: (value.low, value.high) for name, value in sizes.items() if value.settled},
+        )
+        return Extended(replace(model, fish=fish), values)
 
     def _public_name(self, cause: str) -> str:
         """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""

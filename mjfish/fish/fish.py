@@ -26,7 +26,6 @@ from mjfish.files.checksummed_json import digest
 from mjfish.files.tomlfile import Table, complaining
 from mjfish.files.writing import exists
 from mjfish.fish import parameter_priors
-from mjfish.fish.identified import ANY, Identified
 from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
 
@@ -41,6 +40,11 @@ Station = Annotated[float, Field(ge=-1e4, le=1e4)]
 Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
 Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
 Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
+#: Lower and upper end, and what an identification covers.
+Span = tuple[float, float]
+Quantity = Literal["speed", "beat", "amplitude"]
+#: In place of the body that coefficients belong to: any.
+ANY = "any"
 #: Links of one group share their coefficients; its name is a part of theirs.
 Group = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
@@ -159,6 +163,33 @@ class Coefficients(Table):
     c_m: ByGroup
     c_d: ByGroup
     c_f: ByGroup
+
+
+class Identified(Table):
+    """The table ``identified`` of a fish TOML.
+
+    Attributes:
+        geometry: `Fish.geometry` of the body that the coefficients belong to, or ``any``.
+        dataset: that they were fitted to.
+        by: version of mjfish.
+        outcome: of the fit, in words.
+        range: least and most over the fitted runs: ``speed``, the mean surge of the second half of a run [m/s];
+            ``beat``, its frequency [Hz]; ``amplitude``, half of the widest swing of a joint [rad]. What no run shows is
+            left out.
+        intervals: 95 % intervals by full name, of coefficients, free numbers of the body, and causes. What was not
+            fitted, or what the data do not say, has none.
+    """
+
+    geometry: str
+    dataset: str
+    by: str
+    outcome: str
+    range: dict[Quantity, Span]
+    intervals: dict[str, Span]
+
+    def __hash__(self) -> int:
+        """Return a hash: a fish is a key of what was computed with it."""
+        return hash((self.geometry, self.dataset, self.outcome))
 
 
 class Fish(Table):
@@ -301,8 +332,7 @@ class Fish(Table):
     @property
     def geometry(self) -> str:
         """The body that the coefficients hold for: SHA-256 of its links, without their names, and sections."""
-        links = [link.model_dump(exclude={"name"}) for link in self.links]
-        return digest([links, [section.model_dump() for section in self.sections]])
+        return digest([[own.model_dump(exclude={"name"}) for own in part] for part in (self.links, self.sections)])
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -394,9 +424,12 @@ class Fish(Table):
             kinds[kind][group] = Coefficient(
                 value=new.default, start=new.start, low=new.low, high=new.high, sd=new.sd, mean=mean
             )
-        chosen = Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})
-        record = self.identified and self.identified.after(parameters, self.geometry)
-        return self.model_copy(update={"coefficients": chosen, "identified": record})
+        changed: dict[str, object] = {"coefficients": Coefficients(**{k: ByGroup(own) for k, own in kinds.items()})}
+        if (record := self.identified) is not None:
+            kept = {name: ends for name, ends in record.intervals.items() if name not in parameters}
+            body = ANY if record.geometry == ANY else self.geometry  # free numbers of it may have changed, too
+            changed["identified"] = record.model_copy(update={"geometry": body, "intervals": kept})
+        return self.model_copy(update=changed)
 
     def with_values(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the named coefficients, each checked against its bounds."""

@@ -11,21 +11,22 @@ from mjfish.data import Trial
 from mjfish.data.looking import for_looking
 from mjfish.data.validation import SAME, beats
 from mjfish.fish import Cpg, Fish
-from mjfish.fish.identified import Identified, Quantity, Range, Span
+from mjfish.fish.fish import Identified, Quantity, Span
 from mjfish.model.model import requested_motion
 
 _UNITS: dict[Quantity, str] = {"speed": "m/s", "beat": "Hz", "amplitude": "rad"}
 
 
-def covered(trials: Iterable[Trial], cpg: Cpg | None) -> Range:
+def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[Quantity, Span]:
     """Return the range of some runs, see `Identified.range`; places and headings are differentiated for the speed."""
     found: dict[Quantity, list[float]] = {name: [] for name in _UNITS}
     for trial in map(for_looking, trials):
         if trial.measured[0]:
             found["speed"].append(float(np.nanmean(trial.velocity[len(trial.time) // 2 :, 0])))
         found["beat"] += beats(trial)
-        swing = np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1))
-        found["amplitude"].append(0.5 * float(swing.max()))
+        found["amplitude"].append(
+            0.5 * np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max().item()
+        )
     return {name: (min(own), max(own)) for name, own in found.items() if own}
 
 
@@ -39,7 +40,7 @@ def with_origin(fish: Fish, dataset: str, outcome: str, trials: Iterable[Trial],
         trials: that were fitted.
         intervals: by full name; ends that are not finite are no interval.
     """
-    record = Identified.model_construct(
+    record = Identified(
         geometry=fish.geometry,
         dataset=dataset,
         by=f"mjfish {version('mjfish')}",
@@ -55,7 +56,7 @@ def outside(fish: Fish, trial: Trial) -> str:
 
     Numbers count as the same to a twentieth of the larger end.
     """
-    known: Range = {} if fish.identified is None else fish.identified.range
+    known = {} if fish.identified is None else fish.identified.range
     left = [
         f"{name} {_told(own)} {_UNITS[name]}, fitted {_told(ends)} {_UNITS[name]}"
         for name, own in (covered([trial], fish.cpg) if known else {}).items()
