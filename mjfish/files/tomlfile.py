@@ -23,8 +23,6 @@ class Table(BaseModel):
 
 T = TypeVar("T", bound=BaseModel)
 
-#: Most values of a table that takes one line: all that is said of a number.
-_ONE_LINE = 6
 _REMEDIES = {
     "extra_forbidden": "unknown key; remove it or correct its spelling",
     "missing": "this key is missing; add it",
@@ -79,11 +77,12 @@ def text(table: Mapping[str, Any]) -> str:
 def _writable(value: Any, depth: int) -> Any:
     """Return tables without None, for which TOML has no name, and sequences as lists.
 
-    A table of a few plain values in another one takes one line, as in ``c_d.head = {low = 0.1}``.
+    A table of plain values in another one takes one line, as in ``c_d.head = {low = 0.1}``, but for one of lists.
     """
     if isinstance(value, Mapping):
         table = {key: _writable(item, depth + 1) for key, item in value.items() if item is not None}
-        if depth < 2 or len(table) > _ONE_LINE or any(_holds_tables(item) for item in table.values()):
+        lists = all(isinstance(item, list) for item in table.values())
+        if depth < 2 or lists or any(_holds_tables(item) for item in table.values()):
             return table
         line = tomlkit.inline_table()
         line.update(table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
@@ -23,12 +23,13 @@ from mjfish.data import Dataset
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, fit
 from mjfish.estimation.agreement import agreement
-from mjfish.estimation.identification import Identification, identified_fish, origin
+from mjfish.estimation.identification import Identification, identified_fish
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
 from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_rows
 from mjfish.files.plain_data import plain
 from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.model.origin import covered
 from mjfish.mujoco import export
 
 FIXED = {"c_m.head": 0.5}
@@ -68,27 +69,47 @@ def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: 
     assert untouched == synthetic.fish
 
 
-def test_it_goes_through_toml_and_mjcf_with_its_origin_on_top(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
+def test_it_goes_through_toml_and_mjcf_with_its_origin(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
-    fish = identified_fish(synthetic.fish, found, FIXED)
-    told = origin(_identification(replace(synthetic, name="pool --\n"), found))
-    fish_toml.write(tmp_path / "fish.toml", fish, told)
+    fish = _identification(replace(synthetic, name="pool --\n"), found).fish
+    fish_toml.write(tmp_path / "fish.toml", fish)
     assert load_fish(tmp_path / "fish.toml") == fish
-    export.write(tmp_path / "fish.xml", fish, comments=told)
+    export.write(tmp_path / "fish.xml", fish)
     fluid = mjfish.StripFluid(mujoco.MjModel.from_xml_path(str(tmp_path / "fish.xml")))
     assert [link.c_d for link in fluid.links] == [fish.values[f"c_d.{link.group}"] for link in fish.links]
-    for name in ("fish.toml", "fish.xml"):
-        top = (tmp_path / name).read_text(encoding="utf-8")[:1000]
-        assert f"by mjfish {version('mjfish')}:" in top
-        assert "c_m.head held fixed" in top
-        assert re.search(r"c_d.head = 1.3 \(\S+ to 1.3\), at its bound", top)
-        low, high = found.interval("c_d.tail")
-        assert f"c_d.tail = {found.values['c_d.tail']:.6g} ({low:.4g} to {high:.4g})" in top
+    told = tomllib.loads((tmp_path / "fish.toml").read_text(encoding="utf-8"))["identified"]
+    assert told["by"] == f"mjfish {version('mjfish')}"
+    assert told["dataset"] == "pool --\n"
+    assert told["outcome"].startswith("converged: ")
+    assert told["geometry"] == synthetic.fish.geometry
+    assert told["intervals"].keys() == {*COEFFICIENTS} - FIXED.keys()
+    assert told["intervals"]["c_d.tail"] == list(found.interval("c_d.tail"))
+    assert told["intervals"]["c_d.head"][1] == 1.3, "it rests on its bound"
 
 
-def test_a_fit_that_stopped_early_says_so_on_top(synthetic: Dataset) -> None:
-    stopped = fit(problem(synthetic), evaluations=1)
-    assert "The fit stopped: the most evaluations were used, 1" in origin(_identification(synthetic, stopped))
+def test_the_range_is_that_of_the_fitted_runs(synthetic: Dataset, found: Fit) -> None:
+    """Catches a range of the held-out runs, of the start-up, in degrees, or a swing that a bias adds to."""
+    v1, v5 = (replace(trial, role="fit") for trial in synthetic.trials)
+    cpg, ranges = synthetic.fish.cpg, []
+    assert cpg is not None
+    for other in (v5, replace(v5, role="held_out")):
+        record = _identification(replace(synthetic, trials=(v1, other)), found).fish.identified
+        assert record is not None
+        ranges.append(record.range)
+    for trial, at in ((v1, 0), (v5, 1)):
+        assert ranges[0]["speed"][at] == pytest.approx(trial.velocity[len(trial.time) // 2 :, 0].mean())
+        assert ranges[0]["beat"][at] == pytest.approx(trial.drive[0].omega / (2.0 * np.pi))
+    assert ranges[1]["beat"] == (ranges[0]["beat"][0],) * 2
+    assert ranges[1]["speed"][1] < ranges[0]["speed"][1]
+    peak = cpg.beta * cpg.unit * max(cpg.amplitude) ** 0.5  # radius of the limit cycle of a Hopf oscillator
+    assert ranges[1]["amplitude"][0] == pytest.approx(peak, rel=0.1)
+    assert covered([replace(v1, velocity=np.full_like(v1.velocity, np.nan))], cpg).keys() == {"beat", "amplitude"}
+
+
+def test_a_fit_that_stopped_early_says_so(synthetic: Dataset) -> None:
+    record = _identification(synthetic, fit(problem(synthetic), evaluations=1)).fish.identified
+    assert record is not None
+    assert record.outcome.startswith("stopped: the most evaluations were used, 1")
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:
