@@ -173,9 +173,9 @@ class Identified(Table):
         dataset: that they were fitted to.
         by: version of mjfish.
         outcome: of the fit, in words.
-        range: least and most over the fitted runs: ``speed``, the mean surge of the second half of a run [m/s];
-            ``beat``, its frequency [Hz]; ``amplitude``, half of the widest swing of a joint [rad]. What no run shows is
-            left out.
+        range: least and most over the fitted runs: ``speed``, from the mean surge of the second half of a run to that
+            of its fastest quarter [m/s]; ``beat``, its frequency [Hz]; ``amplitude``, half of the widest swing of a
+            joint [rad]. What no run shows is left out.
         intervals: 95 % intervals by full name, of coefficients, free numbers of the body, and causes. What was not
             fitted, or what the data do not say, has none.
     """

@@ -22,7 +22,8 @@ def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[Quantity, Span]:
     found: dict[Quantity, list[float]] = {name: [] for name in _UNITS}
     for trial in map(for_looking, trials):
         if trial.measured[0]:
-            found["speed"].append(float(np.nanmean(trial.velocity[len(trial.time) // 2 :, 0])))
+            quarters = [float(part.mean()) for part in np.array_split(trial.velocity[:, 0], 4)]
+            found["speed"] += [0.5 * sum(quarters[2:]), max(quarters)]
         found["beat"] += beats(trial)
         found["amplitude"].append(
             0.5 * np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max().item()
