@@ -308,13 +308,9 @@ class Diagnosis(DiagnosisData):
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
         values = Extended(model, {name: value.estimate for name, value in sizes.items()}).values
         unnamed = f" Not named: {', '.join(self.best)}, which explains most." * (self.best != () and not self.causes)
-        fish = with_origin(
-            with_values(model.fish, values),
-            self.dataset.name,
-            f"{self.verdict}: {self.message}{unnamed}",
-            self.problem.trials,
-            {name: (value.low, value.high) for name, value in sizes.items() if value.settled},
-        )
+        outcome = f"{self.verdict}: {self.message}{unnamed}"
+        intervals = {name: (value.low, value.high) for name, value in sizes.items() if value.settled}
+        fish = with_origin(with_values(model.fish, values), self.dataset, outcome, intervals)
         return Extended(replace(model, fish=fish), values)
 
     def _public_name(self, cause: str) -> str:

@@ -140,10 +140,7 @@ class Identification(Result):
     def fish(self) -> Fish:
         """The fish with what was found, and where it comes from: body, dataset, range of the runs, 95 % intervals."""
         fixed = {} if self.problem is None else self.problem.fixed
-        found = identified_fish(self.dataset.fish, self.fit, fixed)
-        intervals = {p.name: self.interval(p.name) for p in self.fit.parameters if ":" not in p.name}
-        outcome = f"{self.fit.status}: {self.fit.message}"
-        return with_origin(found, self.dataset.name, outcome, self.dataset.split()[0], intervals)
+        return identified_fish(self.dataset, self.fit, fixed, self.interval)
 
     @cached_property
     def posterior(self) -> Posterior | None:
@@ -402,19 +399,25 @@ def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
             )  # fmt: skip
 
 
-def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:
-    """Return the fish with what was found.
+def identified_fish(
+    dataset: Dataset, fit: Fit, fixed: Mapping[str, float], interval: Callable[[str], tuple[float, float]]
+) -> Fish:
+    """Return the fish with what was found, and where it comes from.
 
     What was known of its numbers beforehand stays what is known.
 
     Args:
-        fish: of the dataset.
+        dataset: with the fish, and the trials that were fitted.
         fit: its estimates become values, the starts and bounds it had become the fish's.
         fixed: coefficients that the fit was told, with their values. Parameters of causes and of single trials are no
             part of a fish; they are left out, here and in the fit.
+        interval: of an estimate, by name.
     """
+    fish = dataset.fish
     declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
-    values = {name: value for name, value in {**(fixed or {}), **fit.values}.items() if name in declared}
+    values = {name: value for name, value in {**fixed, **fit.values}.items() if name in declared}
     known = {name: declared[name].expected for name in values}
     changed = {name: replace(declared[name], default=v, mean=known[name]) for name, v in values.items()}
-    return fish.with_numbers(fit.values).with_coefficients(changed)
+    intervals = {p.name: interval(p.name) for p in fit.parameters if ":" not in p.name}
+    fish = fish.with_numbers(fit.values).with_coefficients(changed)
+    return with_origin(fish, dataset, f"{fit.status}: {fit.message}", intervals)

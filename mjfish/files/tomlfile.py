@@ -81,8 +81,8 @@ def _writable(value: Any, depth: int) -> Any:
     """
     if isinstance(value, Mapping):
         table = {key: _writable(item, depth + 1) for key, item in value.items() if item is not None}
-        lists = all(isinstance(item, list) for item in table.values())
-        if depth < 2 or lists or any(_holds_tables(item) for item in table.values()):
+        items = table.values()
+        if depth < 2 or all(isinstance(item, list) for item in items) or any(_holds_tables(item) for item in items):
             return table
         line = tomlkit.inline_table()
         line.update(table)

@@ -40,9 +40,8 @@ Station = Annotated[float, Field(ge=-1e4, le=1e4)]
 Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
 Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
 Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
-#: Lower and upper end, and what an identification covers.
+#: Lower and upper end.
 Span = tuple[float, float]
-Quantity = Literal["speed", "beat", "amplitude"]
 #: In place of the body that coefficients belong to: any.
 ANY = "any"
 #: Links of one group share their coefficients; its name is a part of theirs.
@@ -184,7 +183,7 @@ class Identified(Table):
     dataset: str
     by: str
     outcome: str
-    range: dict[Quantity, Span]
+    range: dict[str, Span]
     intervals: dict[str, Span]
 
     def __hash__(self) -> int:

@@ -175,8 +175,8 @@ def simulate(
     for effect, own in run.active:
         state = effect.reading(state, own, trial)
     kept = np.isfinite(state[:, :6]).all(axis=1)
-    left = outside(extended_fish.model.fish, replace(trial, velocity=state[:, :3]))
-    if simulated.status == "ok" and left:
+    swum = replace(trial, velocity=state[:, :3])
+    if simulated.status == "ok" and (left := outside(extended_fish.model.fish, swum)):
         warnings.warn(left, stacklevel=2)
     return Simulation(
         fish=extended_fish.fish.name,

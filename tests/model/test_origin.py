@@ -22,8 +22,7 @@ INTERVALS = {"c_d.tail": (2.4, 2.6), "c_m.head": (0.0, 0.1), "servo_lag.time_con
 @pytest.fixture(scope="module")
 def identified(pike: Fish) -> Fish:
     """As it comes from a fit to v1."""
-    trials = generate(pike, ["v1"], duration=6.0).trials
-    return with_origin(pike, "pool", "converged", trials, INTERVALS)
+    return with_origin(pike, generate(pike, ["v1"], duration=6.0, name="pool"), "converged", INTERVALS)
 
 
 @pytest.fixture
@@ -114,7 +113,7 @@ def test_a_run_outside_the_fitted_range_is_warned_of_once(identified: Fish, pike
         r"pike: its coefficients were not fitted to such runs: speed 1\.\d to 1\.\d m/s, fitted 0\.\d+ to 1\.\d m/s; "
     )
     assert re.match(start, str(one.message))
-    assert "; beat 4.8 Hz, fitted 2.9 Hz" in str(one.message)
+    assert "; beat 4.8 to 4.8 Hz, fitted 2.9 to 2.9 Hz" in str(one.message)
     assert "amplitude" not in str(one.message)
 
 
