@@ -65,9 +65,9 @@ _NEAR = 3.0
 _DEGREES, _WILD, _RADIANS, _ALIKE = 12.0, 0.6, math.pi / 180.0, 0.8
 #: A step between samples is a jump where it is so many times as far off what those beside it predict as the noise
 #: and a share of the swing of so many samples beside it; of the swing the largest twentieth does not count. Fewest
-#: steps that are looked at. None of 840 simulated sensors jumps (2 to 5 Hz at 20 to 50 Hz, rests, starts, turns, 0 to 3 mm
-#: of noise), and of 3456 frames of two datasets that were put off by 3 cm one is missed. Exchanged ends turn a heading
-#: by half a turn, to so many rad.
+#: steps that are looked at. None of 840 simulated sensors jumps (2 to 5 Hz at 20 to 50 Hz, rests, starts, turns, 0 to 3
+#: mm of noise), and of 3456 frames of two datasets that were put off by 3 cm one is missed. Exchanged ends turn a
+#: heading by half a turn, to so many rad.
 _FAR, _PREDICTED, _NEARBY, _COMMON, _FEWEST, _HALF = 8.0, 0.2, 31, 0.95, 80, 0.4
 #: Keeps quotients finite.
 _DUST = 1e-30
