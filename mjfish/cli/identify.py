@@ -114,9 +114,9 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
         if kind == "json":
             write_json(path, {**result.to_dict(), "profiles": plain(profiles)})
         elif kind == "table":
-            from mjfish.estimation.tables import write_coefficients
+            from mjfish.estimation.tables import coefficient_rows, write_rows
 
-            write_coefficients(path, result.fit, None if assessment is None else assessment.intervals)
+            write_rows(path, coefficient_rows(result.fit, None if assessment is None else assessment.intervals))
         elif kind == "fish":
             write(path, result.fish)
         elif assessment is not None:

@@ -57,8 +57,7 @@ def count_beats(time: FloatArray, angle: FloatArray) -> float | None:
 def beats(trial: Trial) -> list[float]:
     """Return the beat frequencies [Hz] of a trial: of its CPG, its wave, or its measured joints."""
     if trial.drive:
-        shown = [segment for segment in trial.drive if segment.start < trial.time[-1]]
-        return [segment.omega / (2.0 * np.pi) for segment in shown]
+        return [segment.omega / (2.0 * np.pi) for segment in trial.drive if segment.start < trial.time[-1]]
     if trial.wave is not None:
         return [trial.wave.frequency]
     if trial.joint_angle is None:

@@ -139,8 +139,8 @@ class Identification(Result):
     @cached_property
     def fish(self) -> Fish:
         """The fish with what was found, and where it comes from: body, dataset, range of the runs, 95 % intervals."""
-        fixed = {} if self.problem is None else self.problem.fixed
-        return identified_fish(self.dataset, self.fit, fixed, self.interval)
+        told = self.problem.fixed if self.problem is not None else {}
+        return identified_fish(self.dataset, self.fit, told, self.interval)
 
     @cached_property
     def posterior(self) -> Posterior | None:

@@ -425,9 +425,11 @@ class Fish(Table):
             )
         changed: dict[str, object] = {"coefficients": Coefficients(**{k: ByGroup(own) for k, own in kinds.items()})}
         if (record := self.identified) is not None:
-            kept = {name: ends for name, ends in record.intervals.items() if name not in parameters}
-            body = ANY if record.geometry == ANY else self.geometry  # free numbers of it may have changed, too
-            changed["identified"] = record.model_copy(update={"geometry": body, "intervals": kept})
+            of = {
+                "geometry": ANY if record.geometry == ANY else self.geometry,  # free numbers may have changed, too
+                "intervals": {name: ends for name, ends in record.intervals.items() if name not in parameters},
+            }
+            changed["identified"] = record.model_copy(update=of)
         return self.model_copy(update=changed)
 
     def with_values(self, values: Mapping[str, float]) -> Fish:

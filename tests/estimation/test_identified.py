@@ -26,7 +26,7 @@ from mjfish.estimation.agreement import agreement
 from mjfish.estimation.identification import Identification
 from mjfish.estimation.intervals import intervals
 from mjfish.estimation.residual import fitted
-from mjfish.estimation.tables import coefficient_rows, write_coefficients, write_rows
+from mjfish.estimation.tables import coefficient_rows, write_rows
 from mjfish.files.plain_data import plain
 from mjfish.fish import Fish, fish_toml, load_fish
 from mjfish.model.origin import covered
@@ -132,7 +132,7 @@ def test_tables_are_read_back_to_the_last_bit(
     """Words, numbers, truth values; a simulation's horizon is an empty cell."""
     posed = problem(synthetic, fixed=FIXED)
     own = intervals(posed, found)
-    write_coefficients(tmp_path / f"coefficients{suffix}", found, own)
+    write_rows(tmp_path / f"coefficients{suffix}", coefficient_rows(found, own))
     table = read(tmp_path / f"coefficients{suffix}")
     assert table == coefficient_rows(found, own)
     assert [row["parameter"] for row in table] == list(COEFFICIENTS[1:])
@@ -150,7 +150,7 @@ def test_tables_are_read_back_to_the_last_bit(
 
 
 def test_without_intervals_there_are_the_plain_ones(found: Fit, tmp_path: Path) -> None:
-    write_coefficients(tmp_path / "coefficients.csv", found)
+    write_rows(tmp_path / "coefficients.csv", coefficient_rows(found))
     header = (tmp_path / "coefficients.csv").read_text(encoding="utf-8").splitlines()[0]
     assert '"plain_low"' in header
     assert '"low"' not in header
@@ -158,4 +158,4 @@ def test_without_intervals_there_are_the_plain_ones(found: Fit, tmp_path: Path) 
 
 def test_a_table_of_another_suffix_is_refused(found: Fit, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"coefficients\.xlsx: the name ends in '\.xlsx', expected \.csv or \.parquet"):
-        write_coefficients(tmp_path / "coefficients.xlsx", found)
+        write_rows(tmp_path / "coefficients.xlsx", coefficient_rows(found))
