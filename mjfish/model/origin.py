@@ -22,8 +22,8 @@ def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[str, Span]:
     found: dict[str, list[float]] = {name: [] for name in _UNITS}
     for trial in map(for_looking, trials):
         if trial.measured[0]:
-            quarters = [float(part.mean()) for part in np.array_split(trial.velocity[:, 0], 4)]
-            found["speed"] += [0.5 * sum(quarters[2:]), max(quarters)]
+            quarters = [float(part.mean()) for part in np.array_split(trial.velocity[:, 0], 4) if len(part)]
+            found["speed"] += [float(np.mean(quarters[len(quarters) // 2 :])), max(quarters)]
         found["beat"] += beats(trial)
         found["amplitude"].append(
             0.5 * np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max().item()

@@ -117,6 +117,12 @@ def test_a_run_outside_the_fitted_range_is_warned_of_once(identified: Fish, pike
     assert "amplitude" not in str(one.message)
 
 
+@pytest.mark.filterwarnings("ignore:pike. its coefficients were not fitted to such runs")
+def test_a_run_of_two_samples_has_a_speed(identified: Fish) -> None:
+    """Quarters of it are empty."""
+    assert mjfish.simulate(identified, "v1", duration=0.01).status == "ok"
+
+
 @pytest.mark.parametrize(("scale", "outside"), [(0.5, True), (1.02, False), (1.5, True)])
 def test_joints_that_swing_otherwise_are_warned_of(scale: float, outside: bool, identified: Fish) -> None:
     assert identified.cpg is not None
