@@ -199,7 +199,8 @@ class _Questions:
             raise InputError(
                 f"not given and not clear from the headers {', '.join(headers)}:\n"
                 + "\n".join(f"    {what}" for what in self.lacking)
-                + "\ngive these options, or run the command in a terminal without files to be asked"
+                + "\ngive these options (for places of a camera --x, --y and --heading in place of velocities), or run "
+                "the command in a terminal without files to be asked"
             )
 
 

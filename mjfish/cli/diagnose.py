@@ -198,10 +198,7 @@ def _write(
 
 
 def _extend(result: Any, path: Path) -> None:
-    """Write the extended fish, with where its numbers come from, and whether its causes were named."""
+    """Write the extended fish."""
     from mjfish.model.extended import write
 
-    lines = [f"Fitted by mjfish diagnose to {result.setup.dataset}.", f"{result.verdict}: {result.message}"]
-    if result.best and result.verdict != "named":
-        lines.append(f"Not named: {', '.join(result.best)}. It is in this fish as what explains most.")
-    write(path, result.fish.model, result.fish.values, lines)
+    write(path, result.fish.model, result.fish.values)

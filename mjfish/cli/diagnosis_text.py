@@ -176,8 +176,9 @@ def _evidence(evidence: Evidence) -> Table:
     """Return the table that the verdict is read from, a row for every set that was compared."""
     from mjfish.diagnosis.thresholds import THRESHOLDS as LIMITS
 
-    headings = ("causes", "LR", "behind", "rival p", "best", "remains", "fit p", "held out", "error")
+    headings = ("causes", "LR", "behind", "rival\np", "best", "remains", "fit\np", "held\nout", "error")
     table = console.table("What the verdict is read from", headings, ("causes",))
+    table.padding = 0  # so that the longest name of a cause stays whole at 80 columns
     for row in evidence.rows:
         tested = (percent(row.remaining), p_value(row.fit_p)) if row.tests else (NONE, NONE)
         table.add_row(

@@ -54,7 +54,7 @@ def new(
     console.say(f"wrote {path}", f"next: correct it, then {console.program()} fish show {path}")
 
 
-def write(path: Path, body: Fish, comments: Sequence[str], *, free: bool = False) -> None:
+def write(path: Path, body: Fish, comments: Sequence[str] = (), *, free: bool = False) -> None:
     """Write a fish by the suffix of its file: a TOML, or an MJCF, there also of a fish that is free to roll and sink.
 
     Raises:

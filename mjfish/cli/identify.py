@@ -114,11 +114,11 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
         if kind == "json":
             write_json(path, {**result.to_dict(), "profiles": plain(profiles)})
         elif kind == "table":
-            from mjfish.estimation.tables import write_coefficients
+            from mjfish.estimation.tables import coefficient_rows, write_rows
 
-            write_coefficients(path, result.fit, None if assessment is None else assessment.intervals)
+            write_rows(path, coefficient_rows(result.fit, None if assessment is None else assessment.intervals))
         elif kind == "fish":
-            _write_fish(result, path)
+            write(path, result.fish)
         elif assessment is not None:
             from mjfish.reporting.html.identification import write_identification_figures
 
@@ -127,25 +127,6 @@ def _write(result: Identification, profiles: list[Profile], outputs: dict[str, P
         if kind != "figures":
             written.append(path)
     return written
-
-
-def _write_fish(result: Identification, file: Path) -> None:
-    """Write the identified fish; at its top is where its coefficients come from, and at which runs they were fitted."""
-    import numpy as np
-
-    from mjfish.data.looking import for_looking
-    from mjfish.estimation.identification import identified_fish, origin
-    from mjfish.inspection.runs import beats
-
-    runs = [for_looking(trial) for trial in result.dataset.split()[0]]
-    seen = {
-        "mean surge": ([float(np.nanmean(trial.velocity[:, 0])) for trial in runs if trial.measured[0]], "m/s"),
-        "beat": ([frequency for trial in runs for frequency in beats(trial)], "Hz"),
-    }
-    told = [f"{what} {min(at):.3g} to {max(at):.3g} {unit}" for what, (at, unit) in seen.items() if at]
-    fish = identified_fish(result.dataset.fish, result.fit, {} if result.problem is None else result.problem.fixed)
-    last = f"Fitted runs: {', '.join(told) or 'not measured'}. Nothing is known beyond, or of another body."
-    write(file, fish, [*origin(result), last])
 
 
 def _show(result: Identification, profiles: Sequence[Profile]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mjfish.data import columns
 from mjfish.data.cells import check_increasing, row_name
-from mjfish.data.trial import Dataset, Tank
+from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
@@ -20,6 +20,8 @@ from mjfish.numerics.arrays import FloatArray
 
 #: Joints that move less than this do not beat [rad].
 _STILL = 1e-6
+#: Frequencies closer than this share are the same.
+SAME = 0.05
 #: Beats that a periodogram tells apart from a drift; below it, sinusoids are fitted.
 _RESOLVED = 3
 _STEP = 0.05
@@ -50,6 +52,18 @@ def count_beats(time: FloatArray, angle: FloatArray) -> float | None:
     beats = np.arange(2 * _STEP, _RESOLVED + 1, _STEP)
     left = [np.square(_residual(_with_sinusoid(drift, share, turns), angle)).sum() for turns in beats]
     return float(beats[int(np.argmin(left))])
+
+
+def beats(trial: Trial) -> list[float]:
+    """Return the beat frequencies [Hz] of a trial: of its CPG, its wave, or its measured joints."""
+    if trial.drive:
+        return [segment.omega / (2.0 * np.pi) for segment in trial.drive if segment.start < trial.time[-1]]
+    if trial.wave is not None:
+        return [trial.wave.frequency]
+    if trial.joint_angle is None:
+        return []
+    count = count_beats(trial.time, trial.joint_angle)
+    return [] if count is None else [count / float(np.ptp(trial.time))]
 
 
 def _with_sinusoid(drift: FloatArray, share: FloatArray, turns: float) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.data.looking import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared, outlying_run_finding
@@ -66,7 +66,7 @@ def assemble(
         scores = held_out.score(None), held_out.score(best)
         gained = parts.run("the gain", lambda: gain(*scores, held_out.trials, np.random.default_rng(begun.seed)), None)
     joints: tuple[str, ...] = parts.run("errors of joints", lambda: (*joints_in_words(evidence.problem),), ())
-    drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit), None)
+    drawn = parts.run("the posterior", lambda: _posterior(shown.problem, shown.fit, dataset), None)
     effects = {effect.name: effect for effect in begun.candidates}
     models = (evidence.problem.model, shown.problem.model)
     setup = Setup.of(dataset, evidence.problem, models, begun.candidates)
@@ -239,11 +239,11 @@ def _paired(nominal: Sequence[SensorResidual], extended: Sequence[SensorResidual
     return tuple(SensorOverlay(a.sensor, np.round(a.predicted, 7), np.round(b.predicted, 7)) for a, b in pairs)
 
 
-def _posterior(problem: Problem, found: Fit) -> Posterior | None:
+def _posterior(problem: Problem, found: Fit, dataset: Dataset) -> Posterior | None:
     """Return the posterior of the extended model; its residuals are white under the noise of the problem."""
     if found.lost:
         return None
-    fish = identified_fish(problem.model.fish, found, problem.fixed)
+    fish = identified_fish(dataset, found, problem.fixed, found.interval)
     return posterior(problem, found, fish, scatter(problem, found), correlated=False)
 
 

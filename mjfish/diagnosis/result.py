@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -28,7 +28,8 @@ from mjfish.files.plain_data import plain, unsaved
 from mjfish.files.result import Result
 from mjfish.inspection import Inspection
 from mjfish.model import Model
-from mjfish.model.extended import Extended
+from mjfish.model.extended import Extended, with_values
+from mjfish.model.origin import with_origin
 from mjfish.model.posterior import Posterior
 from mjfish.numerics.arrays import BoolArray, FloatArray
 from mjfish.numerics.formats import percent
@@ -305,7 +306,12 @@ class Diagnosis(DiagnosisData):
         model, sizes = self.extended_model, dict(self.extended)
         for row in self.table.random:
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
-        return Extended(model, {name: value.estimate for name, value in sizes.items()})
+        values = Extended(model, {name: value.estimate for name, value in sizes.items()}).values
+        unnamed = f" Not named: {', '.join(self.best)}, which explains most." * (self.best != () and not self.causes)
+        outcome = f"{self.verdict}: {self.message}{unnamed}"
+        intervals = {name: (value.low, value.high) for name, value in sizes.items() if value.settled}
+        fish = with_origin(with_values(model.fish, values), self.dataset, outcome, intervals)
+        return Extended(replace(model, fish=fish), values)
 
     def _public_name(self, cause: str) -> str:
         """Return the name of a cause for other programs: that of its mechanism, where its form is learned."""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +30,7 @@ from mjfish.files.plain_data import plain, unsaved
 from mjfish.files.result import Result
 from mjfish.fish import Fish
 from mjfish.fish.frames import CHANNELS
+from mjfish.model.origin import with_origin
 from mjfish.model.posterior import Posterior
 from mjfish.noise.autoregressive import floor
 from mjfish.numerics.arrays import FloatArray, robust_sigma
@@ -137,12 +137,17 @@ class Identification(Result):
     sensor_scores: tuple[SensorScore, ...] = ()
 
     @cached_property
+    def fish(self) -> Fish:
+        """The fish with what was found, and where it comes from: body, dataset, range of the runs, 95 % intervals."""
+        told = self.problem.fixed if self.problem is not None else {}
+        return identified_fish(self.dataset, self.fit, told, self.interval)
+
+    @cached_property
     def posterior(self) -> Posterior | None:
         """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged or failed."""
         if self.problem is None or self.assessment is None:
             return None
-        fish = identified_fish(self.problem.model.fish, self.fit, self.problem.fixed)
-        return posterior(self.problem, self.fit, fish, self.assessment.stability.scatter, correlated=True)
+        return posterior(self.problem, self.fit, self.fish, self.assessment.stability.scatter, correlated=True)
 
     def interval(self, name: str) -> tuple[float, float]:
         """Return the 95 % interval of an estimate, for residuals that are correlated; of a fit that was lost, plain."""
@@ -394,41 +399,25 @@ def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
             )  # fmt: skip
 
 
-def identified_fish(fish: Fish, fit: Fit, fixed: Mapping[str, float] | None = None) -> Fish:
-    """Return the fish with what was found; `mjfish.fish.fish_toml` and `mjfish.mujoco.export` write it.
+def identified_fish(
+    dataset: Dataset, fit: Fit, fixed: Mapping[str, float], interval: Callable[[str], tuple[float, float]]
+) -> Fish:
+    """Return the fish with what was found, and where it comes from.
 
     What was known of its numbers beforehand stays what is known.
 
     Args:
-        fish: of the dataset.
+        dataset: with the fish, and the trials that were fitted.
         fit: its estimates become values, the starts and bounds it had become the fish's.
         fixed: coefficients that the fit was told, with their values. Parameters of causes and of single trials are no
             part of a fish; they are left out, here and in the fit.
+        interval: of an estimate, by name.
     """
+    fish = dataset.fish
     declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
-    values = {name: value for name, value in {**(fixed or {}), **fit.values}.items() if name in declared}
+    values = {name: value for name, value in {**fixed, **fit.values}.items() if name in declared}
     known = {name: declared[name].expected for name in values}
     changed = {name: replace(declared[name], default=v, mean=known[name]) for name, v in values.items()}
-    return fish.with_numbers(fit.values).with_coefficients(changed)
-
-
-def origin(result: Identification) -> list[str]:
-    """Return lines that say where the numbers of the identified fish come from, for the top of its file.
-
-    Every coefficient has its interval, as in the table of `mjfish identify`.
-    """
-    fit, fixed = result.fit, result.problem.fixed if result.problem is not None else {}
-    lines = [
-        f"Coefficients of this body, from the dataset '{result.dataset.name}' by mjfish {version('mjfish')}:",
-        f"{fit.status}, sum of squares {fit.sse:.6g} of {fit.count} weighted samples. Estimate (95 % interval):",
-    ]
-    held = {p.name: ", at its bound" * bool(at) for p, at in zip(fit.parameters, fit.at_bound, strict=True)}
-    for name in result.dataset.fish.coefficient_names:
-        if name in held:
-            low, high = result.interval(name)
-            lines.append(f"  {name} = {fit.values[name]:.6g} ({low:.4g} to {high:.4g}){held[name]}")
-        else:
-            lines.append(f"  {name} {'held fixed' if name in fixed else 'not fitted'}")
-    if fit.status != "converged":
-        lines.append(f"The fit {fit.status}: {fit.message}")
-    return lines
+    intervals = {p.name: interval(p.name) for p in fit.parameters if ":" not in p.name}
+    fish = fish.with_numbers(fit.values).with_coefficients(changed)
+    return with_origin(fish, dataset, f"{fit.status}: {fit.message}", intervals)

@@ -46,15 +46,6 @@ def coefficient_rows(fit: Fit, intervals: Intervals | None = None) -> list[dict[
     return rows
 
 
-def write_coefficients(path: str | Path, fit: Fit, intervals: Intervals | None = None) -> None:
-    """Write the table of coefficients; arguments as in `coefficient_rows`.
-
-    Raises:
-        InputError: the suffix is neither ``.csv`` nor ``.parquet``, or the file cannot be written.
-    """
-    write_rows(path, coefficient_rows(fit, intervals))
-
-
 def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows to a CSV or Parquet file, complete or not at all; None is an empty cell.
 

@@ -77,11 +77,12 @@ def text(table: Mapping[str, Any]) -> str:
 def _writable(value: Any, depth: int) -> Any:
     """Return tables without None, for which TOML has no name, and sequences as lists.
 
-    A table of plain values in another one takes one line, as in ``c_d.head = {low = 0.1}``.
+    A table of plain values in another one takes one line, as in ``c_d.head = {low = 0.1}``, but for one of lists.
     """
     if isinstance(value, Mapping):
         table = {key: _writable(item, depth + 1) for key, item in value.items() if item is not None}
-        if depth < 2 or any(_holds_tables(item) for item in table.values()):
+        items = table.values()
+        if depth < 2 or all(isinstance(item, list) for item in items) or any(_holds_tables(item) for item in items):
             return table
         line = tomlkit.inline_table()
         line.update(table)

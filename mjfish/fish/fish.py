@@ -22,6 +22,7 @@ from pydantic import (
 
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.files import tomlfile
+from mjfish.files.checksummed_json import digest
 from mjfish.files.tomlfile import Table, complaining
 from mjfish.files.writing import exists
 from mjfish.fish import parameter_priors
@@ -39,6 +40,10 @@ Station = Annotated[float, Field(ge=-1e4, le=1e4)]
 Mass = Annotated[float, Field(ge=1e-9, le=1e9)]
 Inertia = Annotated[float, Field(ge=1e-18, le=1e12)]
 Constant = Annotated[float, Field(ge=-1e6, le=1e6)]
+#: Lower and upper end.
+Span = tuple[float, float]
+#: In place of the body that coefficients belong to: any.
+ANY = "any"
 #: Links of one group share their coefficients; its name is a part of theirs.
 Group = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
@@ -159,6 +164,33 @@ class Coefficients(Table):
     c_f: ByGroup
 
 
+class Identified(Table):
+    """The table ``identified`` of a fish TOML.
+
+    Attributes:
+        geometry: `Fish.geometry` of the body that the coefficients belong to, or ``any``.
+        dataset: that they were fitted to.
+        by: version of mjfish.
+        outcome: of the fit, in words.
+        range: least and most over the fitted runs: ``speed``, from the mean surge of the second half of a run to that
+            of its fastest quarter [m/s]; ``beat``, its frequency [Hz]; ``amplitude``, half of the widest swing of a
+            joint [rad]. What no run shows is left out.
+        intervals: 95 % intervals by full name, of coefficients, free numbers of the body, and causes. What was not
+            fitted, or what the data do not say, has none.
+    """
+
+    geometry: str
+    dataset: str
+    by: str
+    outcome: str
+    range: dict[str, Span]
+    intervals: dict[str, Span]
+
+    def __hash__(self) -> int:
+        """Return a hash: a fish is a key of what was computed with it."""
+        return hash((self.geometry, self.dataset, self.outcome))
+
+
 class Fish(Table):
     """A planar swimmer: a chain of links, nose first.
 
@@ -180,6 +212,7 @@ class Fish(Table):
         schema_: of the file, 1.
         cpg: the oscillator that drives the joints; absent where joint angles are always measured.
         servo: of the joints, in MuJoCo only.
+        identified: the body and the runs that the coefficients were fitted to; None: they come from no fit.
         known: the numbers that are given as ``{ value, sd }`` or ``{ value, low, high }``: they are free in a fit.
 
     Example:
@@ -205,6 +238,7 @@ class Fish(Table):
     coefficients: Coefficients
     cpg: Cpg | None = None
     servo: Servo | None = None
+    identified: Identified | None = None
     known: tuple[FishParameterPrior, ...] = ()
 
     def __init__(self, **keys: object) -> None:
@@ -242,6 +276,12 @@ class Fish(Table):
                 f"give at least {-((3.0 * self.tail_hardening) ** 0.5):g}, or a larger hardening"
             )
         self._check_outline()
+        if self.identified is not None and self.identified.geometry not in (ANY, self.geometry):
+            raise ValueError(
+                f"identified.geometry: the coefficients were fitted to dataset '{self.identified.dataset}' on another "
+                "body, expected the links and sections of this one; identify them on this body, or write "
+                f'geometry = "{ANY}" in [identified] to use them on it all the same'
+            )
         for parameter in self.parameters:  # raises where bounds, start and value contradict each other
             parameter.check(parameter.default)
         try:
@@ -287,6 +327,11 @@ class Fish(Table):
     def length(self) -> float:
         """Length from nose to tip [m]."""
         return sum(link.length for link in self.links)
+
+    @property
+    def geometry(self) -> str:
+        """The body that the coefficients hold for: SHA-256 of its links, without their names, and sections."""
+        return digest([[own.model_dump(exclude={"name"}) for own in part] for part in (self.links, self.sections)])
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -378,9 +423,14 @@ class Fish(Table):
             kinds[kind][group] = Coefficient(
                 value=new.default, start=new.start, low=new.low, high=new.high, sd=new.sd, mean=mean
             )
-        return self.model_copy(
-            update={"coefficients": Coefficients(**{kind: ByGroup(own) for kind, own in kinds.items()})}
-        )
+        changed: dict[str, object] = {"coefficients": Coefficients(**{k: ByGroup(own) for k, own in kinds.items()})}
+        if (record := self.identified) is not None:
+            of = {
+                "geometry": ANY if record.geometry == ANY else self.geometry,  # free numbers may have changed, too
+                "intervals": {name: ends for name, ends in record.intervals.items() if name not in parameters},
+            }
+            changed["identified"] = record.model_copy(update=of)
+        return self.model_copy(update=changed)
 
     def with_values(self, values: Mapping[str, float]) -> Fish:
         """Return the fish with other values of the named coefficients, each checked against its bounds."""

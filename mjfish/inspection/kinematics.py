@@ -30,11 +30,10 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from mjfish.data import Trial
-from mjfish.data.validation import GAP
+from mjfish.data.validation import GAP, beats
 from mjfish.fish import frames
 from mjfish.fish.frames import UNITS
 from mjfish.inspection.finding import Finding
-from mjfish.inspection.runs import beats
 from mjfish.numerics.arrays import FloatArray
 
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.

@@ -25,11 +25,11 @@ from functools import partial
 import numpy as np
 
 from mjfish.data import Trial
+from mjfish.data.validation import beats
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding, redriven, reread
-from mjfish.inspection.runs import beats
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray, readonly
 

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mjfish.data import Dataset, Trial, validation
+from mjfish.data import Dataset, Trial
+from mjfish.data.validation import SAME, beats
 from mjfish.effects import Effect
 from mjfish.inspection.finding import Finding
 from mjfish.numerics.arrays import FloatArray
 
-#: Frequencies closer than this share are the same.
-_SAME = 0.05
 #: Runs of fewer beats hardly leave their start-up.
 _SHORT = 5.0
 #: Samples of a run of which a twentieth says something, and such parts.
@@ -40,7 +39,7 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
             "set one aside, or record another: without it the gain cannot be measured",
         )
     frequencies = sorted(f for trial in fitted for f in beats(trial))
-    if frequencies and frequencies[-1] <= frequencies[0] * (1.0 + _SAME):
+    if frequencies and frequencies[-1] <= frequencies[0] * (1.0 + SAME):
         code = "design-one-frequency"
         causes = ", ".join(name for name, effect in effects.items() if effect.unclear_under(code)) or "causes"
         yield _missing(
@@ -93,19 +92,6 @@ def _speeds(trial: Trial) -> FloatArray:
             way = np.linalg.norm(np.diff(sensor.values[rows], axis=0), axis=1)
             return np.asarray(way / np.diff(sensor.time[rows]))
     return np.zeros(0)
-
-
-def beats(trial: Trial) -> list[float]:
-    """Return the beat frequencies [Hz] of a trial: of its CPG, its wave, or its measured joints."""
-    if trial.drive:
-        shown = [segment for segment in trial.drive if segment.start < trial.time[-1]]
-        return [segment.omega / (2.0 * np.pi) for segment in shown]
-    if trial.wave is not None:
-        return [trial.wave.frequency]
-    if trial.joint_angle is None:
-        return []
-    count = validation.count_beats(trial.time, trial.joint_angle)
-    return [] if count is None else [count / float(np.ptp(trial.time))]
 
 
 def _turns(trial: Trial) -> bool:

@@ -22,10 +22,9 @@ from scipy import signal, stats
 from scipy.spatial import cKDTree
 
 from mjfish.data import Trial, columns
-from mjfish.data.validation import GAP
+from mjfish.data.validation import GAP, beats
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
-from mjfish.inspection.runs import beats
 from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
 
 #: Neighbours to either side, the degree of the polynomial and one, halved.
@@ -131,7 +130,7 @@ def _left_out(time: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 #: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
-_REACH = 5
+REACH = 5
 _ROUNDS = 5
 #: After a start or a step of the drive, beats that are left out.
 _BEATS = 2.5
@@ -192,16 +191,16 @@ def interpolated(trial: Trial) -> Interpolated | None:
     for jump in jumps(trial):  # the velocity jumps with the joints
         torn[max(jump.first - 1, 0) : jump.last + 1] = True
     before = np.concatenate([[0], np.cumsum(torn)])
-    rows = np.arange(_REACH, len(time) - _REACH)
-    rows = rows[before[rows + _REACH] == before[rows - _REACH]]
-    if len(rows) < 8 * _REACH:
+    rows = np.arange(REACH, len(time) - REACH)
+    rows = rows[before[rows + REACH] == before[rows - REACH]]
+    if len(rows) < 8 * REACH:
         return None
-    offsets = np.array([k for k in range(-_REACH, _REACH + 1) if k != 0])
+    offsets = np.array([k for k in range(-REACH, REACH + 1) if k != 0])
     misfit, noise = np.empty((len(rows), 3)), np.empty(3)
     for channel in range(3):
         values = trial.velocity[:, channel] - np.median(trial.velocity[:, channel])
         design = np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))])
-        misfit[:, channel], weights = _robust(design, values[rows])
+        misfit[:, channel], weights = huber_fit(design, values[rows])
         noise[channel] = 1.0 / np.sqrt(1.0 + weights[:-1] @ weights[:-1])
     sigma = robust_sigma(misfit) + 1e-300
     return Interpolated(trial, rows, misfit, sigma, sigma * noise)
@@ -212,7 +211,7 @@ def pooled(found: Sequence[Interpolated]) -> FloatArray:
     return np.asarray(np.median([line.noise for line in found], axis=0)) if found else np.zeros(3)
 
 
-def _robust(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+def huber_fit(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return residuals and coefficients of a Huber fit."""
     weight = np.ones(len(target))
     for _ in range(_ROUNDS):

@@ -54,7 +54,7 @@ class Extended:
     @property
     def fish(self) -> Fish:
         """The fish as it really is, with its coefficients: through every hook ``body``."""
-        fish = _with_values(self.model.fish, self.values)
+        fish = with_values(self.model.fish, self.values)
         for effect, own in self.active:
             fish = effect.body(fish, own)
         return fish
@@ -142,7 +142,7 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
         InputError: another suffix, or the file cannot be written.
         UnknownNameError, ParameterError: no parameter of that name, or a parameter of an effect outside its bounds.
     """
-    fish = _with_values(model.fish, values)
+    fish = with_values(model.fish, values)
     own = Extended(
         replace(model, fish=fish), {name: v for name, v in values.items() if name not in fish.coefficient_names}
     ).values
@@ -150,7 +150,7 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
     fish_toml.write(path, fish, comments, effects)
 
 
-def _with_values(fish: Fish, values: Mapping[str, float]) -> Fish:
+def with_values(fish: Fish, values: Mapping[str, float]) -> Fish:
     """Return the fish with the coefficients and free numbers among `values`; bounds of coefficients give way."""
     changed = {}
     for p in fish.parameters:

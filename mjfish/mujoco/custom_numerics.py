@@ -21,6 +21,8 @@ from mjfish.mujoco.strip_link import COEFFICIENTS, StripLink
 
 #: What every name begins with.
 PREFIX = "strip_fluid"
+#: Custom text with the table ``identified`` of the fish, as JSON; nothing reads it here.
+IDENTIFIED = f"{PREFIX}/identified"
 #: Numbers of a row of sections: from, to, height there and there, width there and there [m], profile.
 ROW = 7
 #: Profiles by their number in a row.

@@ -20,7 +20,7 @@ import numpy as np
 from mjfish.files import writing
 from mjfish.fish import Fish
 from mjfish.mujoco import mjcf
-from mjfish.mujoco.custom_numerics import PROFILES, ROW, numerics_of
+from mjfish.mujoco.custom_numerics import IDENTIFIED, PROFILES, ROW, numerics_of
 from mjfish.mujoco.layout import compile_aside
 from mjfish.mujoco.mjcf import Integrator, Trim
 from mjfish.numerics.arrays import FloatArray
@@ -89,7 +89,7 @@ def text(
         root = ET.fromstring(by_hand, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))  # noqa: S314 - our own
     _set(root, spec, fish)
     body = ET.tostring(root, encoding="unicode").replace(" />", "/>").strip().removesuffix(_END).rstrip()
-    water = _custom(numerics_of(mjcf.strips(fish, free=free), fish.density))
+    water = _custom(numerics_of(mjcf.strips(fish, free=free), fish.density), fish)
     return "\n".join([_comment([*comments, *_HOW]), body, "", *water, _END, ""])
 
 
@@ -134,13 +134,15 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
         servo.attrib.update(attributes)
 
 
-def _custom(numerics: dict[str, tuple[float, ...]]) -> Iterator[str]:
-    """Yield the lines of the custom numerics, a paragraph a body, sections row by row."""
+def _custom(numerics: dict[str, tuple[float, ...]], fish: Fish) -> Iterator[str]:
+    """Yield the lines of the custom numerics, a paragraph a body, sections row by row; then what was identified."""
     yield "  <custom>"
     yield "    " + _comment(_ROWS, "    ")
     for _, block in groupby(numerics, key=lambda name: name.rpartition("/")[0]):
         yield ""
         yield from (f"    <numeric name={quoteattr(name)} data={_data(name, numerics[name])}/>" for name in block)
+    if fish.identified is not None:
+        yield f"\n    <text name={quoteattr(IDENTIFIED)} data={quoteattr(fish.identified.model_dump_json())}/>"
     yield "  </custom>"
 
 

@@ -190,7 +190,14 @@ class StripFluid:
         return f"<StripFluid of {self.density:g} kg/m3 on {bodies}; coupling {self.coupling}>"
 
     @classmethod
-    def from_toml(cls, model: mujoco.MjModel, path: str | Path, *, coupling: Coupling | None = None) -> StripFluid:
+    def from_toml(
+        cls,
+        model: mujoco.MjModel,
+        path: str | Path,
+        *,
+        current: Sequence[float] | FloatArray | None = None,
+        coupling: Coupling | None = None,
+    ) -> StripFluid:
         """Put the water that a TOML file describes on bodies of `model`: `density`, and a `[[links]]` a body.
 
         Raises:
@@ -200,7 +207,7 @@ class StripFluid:
         check_type("path", path, str | Path)
         water = read(path)
         _bodies(model, water.links, f"body in {path}")
-        return cls(model, water.links, density=water.density, coupling=coupling)
+        return cls(model, water.links, density=water.density, current=current, coupling=coupling)
 
     @contextmanager
     def installed(self) -> Iterator[None]:

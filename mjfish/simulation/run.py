@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from mjfish.fish import Fish
 from mjfish.fish.frames import CHANNELS
 from mjfish.model import extended
 from mjfish.model.model import Prepared
+from mjfish.model.origin import outside
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.band import Band, band
 
@@ -152,6 +154,9 @@ def simulate(
         ParameterError: a value outside its bounds.
         InputError: a drive that does not fit the fish, or an effect that the run cannot have.
 
+    Warns of a run that is slower or faster than those that an identified fish was fitted to, or whose joints beat or
+    swing otherwise.
+
     Example:
         >>> import mjfish
         >>> run = mjfish.simulate("pike", "v1", values={"munk_moment.kappa": 1.0}, duration=1.0)
@@ -170,6 +175,9 @@ def simulate(
     for effect, own in run.active:
         state = effect.reading(state, own, trial)
     kept = np.isfinite(state[:, :6]).all(axis=1)
+    swum = replace(trial, velocity=state[:, :3])
+    if simulated.status == "ok" and (left := outside(extended_fish.model.fish, swum)):
+        warnings.warn(left, stacklevel=2)
     return Simulation(
         fish=extended_fish.fish.name,
         drive=trial.name,

@@ -196,7 +196,19 @@ frequency = 3.0
 amplitude = [0.1, 0.2, 0.3, 0.4]
 phase = [0.0, -0.5, -1.0, -1.5]
 """
-_FISH = fish.shipped()["pike"].read_bytes() + b"\n[effects.servo_lag]\ntime_constant = 0.02\n"
+_IDENTIFIED = f'''
+[effects.servo_lag]
+time_constant = 0.02
+
+[identified]
+geometry = "{fish.load_fish("pike").geometry}"
+dataset = "pool"
+by = "mjfish 0.1.0"
+outcome = "converged"
+range = {{ speed = [0.9, 1.5], beat = [2.8, 4.1] }}
+intervals = {{ "c_d.tail" = [2.4, 2.6] }}
+'''
+_FISH = fish.shipped()["pike"].read_bytes() + _IDENTIFIED.encode()
 
 
 def _parquet(table: Mapping[str, np.ndarray], path: Path) -> bytes:

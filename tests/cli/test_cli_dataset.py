@@ -257,6 +257,7 @@ def test_dates_are_said_and_their_unit_is_not_assumed(laboratory: Run, tmp_path:
 
 REFUSED = {
     "unclear": ("odd.csv --fish trout.toml", "not given and not clear from the headers a, b, c, d, e, f:"),
+    "unclear, of places": ("odd.csv --fish trout.toml", "for places of a camera --x, --y and --heading"),
     "no fish": ("slow.csv", "Fish: a TOML, or a shipped one (--fish)"),
     "no files": ("", "no files, expected one CSV file a run"),
     "absent": ("none.csv --fish trout.toml", "none.csv: no such file"),

@@ -32,16 +32,20 @@ def _velocity(folder: Path) -> FloatArray:
     return np.column_stack([table[name] for name in ("surge", "sway", "yaw_rate")])
 
 
+@pytest.mark.filterwarnings("ignore:pike. its coefficients were not fitted to such runs")
 def test_the_fish_that_is_written_swims_as_the_one_that_was_measured(run: Run, tmp_path: Path, pike: Fish) -> None:
     """In both engines. Catches a written fish without its cause, with another size, or with nominal coefficients."""
     hidden = "--effect servo_lag:time_constant=0.03 --set c_d.tail=2.1"
     run(f"generate --modes v1,v3,v1-t2 --duration 6 {hidden} --held-out v3 --seed 3 --out a")
     shown = run("diagnose a --jobs 1 --extended extended.toml").stdout
     assert "named  The cause is servo_lag" in shown
-    written = (tmp_path / "extended.toml").read_text(encoding="utf-8")
-    assert written.startswith("# Fitted by mjfish diagnose to ")
-    assert "\n# named: The cause is servo_lag" in written
     back = extended.load(tmp_path / "extended.toml")
+    record = back.model.fish.identified
+    assert record is not None
+    assert record.outcome.startswith("named: The cause is servo_lag")
+    low, high = record.intervals["servo_lag.time_constant"]
+    assert low < back.values["servo_lag.time_constant"] < high
+    assert record.intervals["c_d.tail"][0] <= back.values["c_d.tail"] <= record.intervals["c_d.tail"][1]
     np.testing.assert_allclose(back.values["servo_lag.time_constant"], 0.03, rtol=0.05)
     lag = Model(pike, (find("servo_lag"),))
     extended.write(tmp_path / "truth.toml", lag, {"servo_lag.time_constant": 0.03, "c_d.tail": 2.1})
@@ -63,8 +67,8 @@ def test_a_cause_that_was_not_named_is_said_to_be_none_in_the_file(
     for verdict, code in (("named", 0), ("unexplained", 1), ("nothing_wrong", 0)):
         run(f"diagnose a --extended {verdict}.toml", exit_code=code)
         told[verdict] = (tmp_path / f"{verdict}.toml").read_text(encoding="utf-8")
-        assert f"\n# {verdict}: Something to say about {verdict}.\n" in told[verdict]
-    assert "\n# Not named: servo_lag. It is in this fish as what explains most.\n" in told["unexplained"]
+        assert f'\noutcome = "{verdict}: Something to say about {verdict}.' in told[verdict]
+    assert 'unexplained. Not named: servo_lag, which explains most."\n' in told["unexplained"]
     assert "Not named" not in told["named"] + told["nothing_wrong"]
     assert "[effects" not in told["nothing_wrong"]
 

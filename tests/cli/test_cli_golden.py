@@ -23,6 +23,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.data.importers import Cut, FileReport, ImportReport
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.result import Verdict
+from mjfish.effects import catalogue
 from mjfish.fish import load_fish
 from mjfish.inspection import DataReport, Finding, Inspection
 from mjfish.numerics.arrays import readonly
@@ -111,6 +112,21 @@ def test_the_terminal_shows_what_it_did(name: str, width: int, capsys: pytest.Ca
     assert "…" not in printed
     if name not in ("inspect", "import") and not verbose:
         assert len(lines) <= LINES
+
+
+def test_names_of_causes_are_whole_in_the_table_of_evidence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 80 columns, beside numbers as long as they come; of a set they stand below one another."""
+    monkeypatch.setattr(console.out, "_width", 80)
+    found = diagnosis("named")
+    wide = replace(found.table.rows[0], gain=12345.6, behind=1234.5, rival_p=1e-9, chosen=0.123)
+    names = (*((name,) for name in catalogue()), *(("wake_kernel", name) for name in catalogue()))
+    rows = tuple(replace(wide, names=own) for own in names)
+    show(replace(found, table=replace(found.table, corrections=rows)), "pool", verbose=True)
+    words = capsys.readouterr().out.split()
+    for name in catalogue():
+        assert words.count(name) >= 2, name
 
 
 @pytest.mark.parametrize("name", ["named_verbose", "inspect"])

@@ -96,9 +96,10 @@ def test_everything_that_can_be_written_is(run: Run, pool: Path, tmp_path: Path)
     assert mine.values["c_d.tail"] == told["parameters"]["c_d.tail"]["estimate"]
     assert mine.values["c_m.head"] == 0.4
     known = told["assessment"]["intervals"]["parameters"]["c_d.tail"]
-    top = (tmp_path / "mine.toml").read_text(encoding="utf-8")
-    assert f"({known['low']:.4g} to {known['high']:.4g})" in top, "the interval of the table, not the plain error"
-    assert re.search(r"# Fitted runs: mean surge 0\.\d+ to \d\S* m/s, beat 2\.86 to 4\.14 Hz\.", top)
+    assert mine.identified is not None
+    assert mine.identified.intervals["c_d.tail"] == (known["low"], known["high"]), "of the table, not the plain error"
+    assert "c_m.head" not in mine.identified.intervals
+    np.testing.assert_allclose(mine.identified.range["beat"], (2.865, 4.138), atol=1e-3)
     assert (tmp_path / "out.parquet").stat().st_size > 0
     for part in ("intervals", "agreement", "residual_tests", "criteria", "stability"):
         assert told["assessment"][part]

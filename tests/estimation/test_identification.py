@@ -15,7 +15,6 @@ from mjfish.cli import console
 from mjfish.cli.identify import _coefficients
 from mjfish.data import Dataset, Trial
 from mjfish.estimation import Identification, identify
-from mjfish.estimation.identification import origin
 from mjfish.estimation.nominal import first_sigma
 from mjfish.estimation.settings import Settings
 from mjfish.files.writing import write_json
@@ -94,8 +93,9 @@ def test_an_estimate_has_one_interval_wherever_it_is_read(
     console.show(_coefficients(found))
     lines = capsys.readouterr().out.splitlines()
     rows = {cells[0]: cells[1:5] for line in lines if len(cells := line.split()) == 5}
-    told, summary, top = found.to_dict()["parameters"], found.summary(), "\n".join(origin(found))
+    told, summary, record = found.to_dict()["parameters"], found.summary(), found.fish.identified
     assert found.assessment is not None
+    assert record is not None
     for name, entry in told.items():
         low, high = found.assessment.intervals.interval(name)
         assert (low, high) == (entry["low"], entry["high"]) != found.fit.interval(name)
@@ -103,7 +103,7 @@ def test_an_estimate_has_one_interval_wherever_it_is_read(
         assert rows[name] == cells
         if f"{name} " in summary:
             assert f"({low:.4g} to {high:.4g})" in summary
-        assert f"{name} = {entry['estimate']:.6g} ({low:.4g} to {high:.4g})" in top
+        assert record.intervals[name] == (low, high)
 
 
 def test_a_start_that_diverges_is_reported_not_raised(pike: Fish, synthetic: Dataset, tmp_path: Path) -> None:

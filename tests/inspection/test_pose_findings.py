@@ -23,6 +23,7 @@ from mjfish.effects import find
 from mjfish.files import tomlfile
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, inspect
+from mjfish.inspection.poses import pose_findings
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import Joints
@@ -183,6 +184,38 @@ def test_exchanged_markers_are_counted() -> None:
     assert found.severity == "suspect"
     assert found.place == "trial 'v5', position, row 101 (2.000 s) and 3 more"
     assert "exchanged markers" in found.found
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_a_fast_beat_in_few_frames_does_not_jump(noise: float) -> None:
+    """Six frames a beat, after a rest: steps from frame to frame change by 2.5 cm. In the rest, 3 cm are found."""
+    fish, time = load_fish("pike"), readonly(np.arange(0.0, 10.0, 1.0 / 30.0))
+    burst = 0.7 * np.clip((time - 8.0) / 0.3, 0.0, 1.0) * np.clip((9.8 - time) / 0.1, 0.0, 1.0)
+    angle = [share * burst * np.sin(10.0 * np.pi * time - k) for k, share in enumerate((0.4, 0.6, 0.8, 1.0))]
+    blank = Sensor("position", "position", time, np.zeros((300, 2)))
+    still = np.full((300, 3), np.nan)
+    trial = Trial("b", None, time, still, joint_angle=np.transpose(angle), commanded=True, sensors=(blank,))
+    (place,) = Model(fish).predict(trial, Model(fish).values()).sensors
+    place = place + noise * np.random.default_rng(1).standard_normal(place.shape)
+    assert np.abs(np.diff(place, n=2, axis=0)).max() > 0.025
+    codes = []
+    for off in (0.0, 0.03):
+        place[100, 0] += off
+        seen = replace(trial, sensors=(replace(blank, values=place),))
+        codes.append([finding.code for finding in pose_findings(Dataset("burst", fish, (seen,)))])
+    assert codes == [[], ["poses-jumps"]]
+
+
+@pytest.mark.parametrize("off", [(0.03, 0.0), (0.0, -0.03)])
+def test_one_frame_that_is_off_is_found(off: tuple[float, float]) -> None:
+    """By less than the fish swims and swings from frame to frame."""
+
+    def displaced(values: FloatArray, _: Trial) -> FloatArray:
+        values[200] += off
+        return values
+
+    found = only(inspect(spoiled(displaced, None, "v3-t1")), "poses-jumps")
+    assert found.place == "trial 'v3-t1', position, row 201 (4.000 s) and 1 more"
 
 
 def test_headings_of_a_line_without_a_front_are_found() -> None:

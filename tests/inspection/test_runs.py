@@ -9,10 +9,11 @@ import numpy as np
 from bad_data import good, wrong
 
 from mjfish.data import Dataset
+from mjfish.data.validation import beats
 from mjfish.drive.wave import Wave
 from mjfish.effects import catalogue
 from mjfish.inspection import EVERYTHING, Finding, Inspection, inspect
-from mjfish.inspection.runs import beats, missing_runs
+from mjfish.inspection.runs import missing_runs
 from mjfish.numerics.arrays import readonly
 
 

@@ -58,7 +58,8 @@ def _custom(*links: dict[str, Any], **water: float) -> mujoco.MjModel:
 def test_python_toml_and_custom_give_the_same_numbers(tmp_path: Path) -> None:
     """Bit for bit, in the order of the model's bodies; catches a key that one of the three drops."""
     made = StripFluid(compiled(TREE), [_FULL, StripLink(**_SHORT)], density=_DENSITY)
-    read = StripFluid.from_toml(compiled(TREE), _toml(tmp_path))
+    read = StripFluid.from_toml(compiled(TREE), _toml(tmp_path), current=(0.1, 0.0, -0.2))
+    assert read.model.opt.wind.tolist() == [0.1, 0.0, -0.2]
     custom = StripFluid(_custom(_FULL, _SHORT, density=_DENSITY))
     assert made.links == read.links == custom.links
     assert made.density == read.density == custom.density == _DENSITY

@@ -1,0 +1,65 @@
+"""Where coefficients come from: the record that an identified fish carries, and whether a run leaves its range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from importlib.metadata import version
+
+import numpy as np
+
+from mjfish.data import Dataset, Trial
+from mjfish.data.looking import for_looking
+from mjfish.data.validation import SAME, beats
+from mjfish.fish import Cpg, Fish
+from mjfish.fish.fish import Identified, Span
+from mjfish.model.model import requested_motion
+
+_UNITS: dict[str, str] = {"speed": "m/s", "beat": "Hz", "amplitude": "rad"}
+
+
+def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[str, Span]:
+    """Return the range of some runs, see `Identified.range`; places and headings are differentiated for the speed."""
+    found: dict[str, list[float]] = {name: [] for name in _UNITS}
+    for trial in map(for_looking, trials):
+        if trial.measured[0]:
+            quarters = [float(part.mean()) for part in np.array_split(trial.velocity[:, 0], 4) if len(part)]
+            found["speed"] += [float(np.mean(quarters[len(quarters) // 2 :])), max(quarters)]
+        found["beat"] += beats(trial)
+        found["amplitude"].append(
+            0.5 * np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max().item()
+        )
+    return {name: (min(own), max(own)) for name, own in found.items() if own}
+
+
+def with_origin(fish: Fish, dataset: Dataset, outcome: str, intervals: Mapping[str, Span]) -> Fish:
+    """Return a fish that says where its numbers come from.
+
+    Args:
+        fish: with its numbers.
+        dataset: that they were fitted to.
+        outcome: of the fit, in words.
+        intervals: by full name; ends that are not finite are no interval.
+    """
+    record = Identified(
+        geometry=fish.geometry,
+        dataset=dataset.name,
+        by=f"mjfish {version('mjfish')}",
+        outcome=outcome,
+        range=covered(dataset.split()[0], fish.cpg),
+        intervals={name: ends for name, ends in intervals.items() if np.isfinite(ends).all()},
+    )
+    return fish.model_copy(update={"identified": record})
+
+
+def outside(fish: Fish, trial: Trial) -> str:
+    """Return where a run leaves the range that the coefficients of a fish were fitted in; empty where it does not.
+
+    Numbers count as the same to a twentieth of the larger end.
+    """
+    known = {} if fish.identified is None else fish.identified.range
+    left = [
+        f"{name} {own[0]:.2g} to {own[1]:.2g} {_UNITS[name]}, fitted {ends[0]:.2g} to {ends[1]:.2g} {_UNITS[name]}"
+        for name, own in (covered([trial], fish.cpg) if known else {}).items()
+        if (ends := known.get(name)) and max(ends[0] - own[0], own[1] - ends[1]) > SAME * max(map(abs, ends))
+    ]
+    return f"{fish.name}: its coefficients were not fitted to such runs: {'; '.join(left)}" if left else ""
