@@ -22,8 +22,9 @@ from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import frames, load_fish
 from mjfish.model import Model
-from mjfish.mujoco import StripFluid, mjcf, prescribed
+from mjfish.mujoco import StripFluid, mjcf
 from mjfish.simulation.synthetic import generate
+import prescribed
 from plain_model import PlainModel
 
 FloatArray = NDArray[np.float64]

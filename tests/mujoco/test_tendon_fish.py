@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import prescribed
 import pytest
 
 from mjfish import ode
@@ -12,7 +13,7 @@ from mjfish.data import importers
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish, load_fish
-from mjfish.mujoco import mjcf, prescribed, simulate
+from mjfish.mujoco import mjcf, simulate
 from mjfish.numerics.arrays import FloatArray
 
 #: What only the geoms, there for looks, decide.
