@@ -16,6 +16,7 @@ from mujoco import sysid
 from numpy.typing import NDArray
 from scipy import optimize
 
+import prescribed
 from comparison import Comparison, Side
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
@@ -24,7 +25,6 @@ from mjfish.fish import frames, load_fish
 from mjfish.model import Model
 from mjfish.mujoco import StripFluid, mjcf
 from mjfish.simulation.synthetic import generate
-import prescribed
 from plain_model import PlainModel
 
 FloatArray = NDArray[np.float64]

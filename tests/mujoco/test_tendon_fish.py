@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import prescribed
 import pytest
 
+import prescribed
 from mjfish import ode
 from mjfish.data import importers
 from mjfish.drive import measured, wave

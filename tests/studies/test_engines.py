@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import prescribed
 import pytest
 from typer.testing import CliRunner
 
+import prescribed
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.fish import Fish
@@ -138,9 +138,7 @@ def test_the_study_exits_with_1_where_an_engine_disagrees(monkeypatch: pytest.Mo
         (("--reference", "absent"), "v1_published.csv: no such file"),
     ],
 )
-def test_the_study_refuses_misuse(
-    monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], complaint: str
-) -> None:
+def test_the_study_refuses_misuse(monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], complaint: str) -> None:
     assert complaint in _told(monkeypatch, *arguments, exit_code=console.MISUSE)
 
 

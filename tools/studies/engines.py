@@ -18,13 +18,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-import prescribed
 import typer
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from mjfish import ode
+import prescribed
 from mjfish.data import read_table
 from mjfish.drive import cpg, modes
 from mjfish.drive.motion import JointMotion
@@ -33,6 +32,7 @@ from mjfish.fish import Fish, load_fish
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.model import extended
 from mjfish.numerics.arrays import FloatArray
+from mjfish.ode import Rollout, simulate
 from mjfish.simulation import cpg_of, loads_of_mode
 from studies import console
 
@@ -163,7 +163,7 @@ def sweep(
         segments = modes.drive(case.mode, body.joints)
         asked = functools.partial(cpg.joint_motion, law, segments, duration)
         given = {"values": case.values, "loads": loads_of_mode(whole, case.mode, duration)}
-        truth = ode.simulate(body, whole.drive(asked(FINE)), **given)
+        truth = simulate(body, whole.drive(asked(FINE)), **given)
         for index, engine in enumerate(ENGINES):
             if tell is not None:
                 tell(f"{case.mode}: {engine.name} {engine.integrator}", (done + index / len(ENGINES)) / len(cases))
@@ -175,7 +175,7 @@ def sweep(
 def _velocity(engine: Engine, fish: Fish, motion: JointMotion, **given: Any) -> FloatArray:
     """Return the velocity (n, 3) at the boundaries of the steps; shorter where the run diverged."""
     if engine.name == "ODE":
-        rollout = ode.simulate(fish, motion, **given)
+        rollout = simulate(fish, motion, **given)
         found = rollout.at(rollout.time)[:, : len(CHANNELS)]
         return found if rollout.status == "ok" else found[:0]
     run = prescribed.simulate(fish, motion, integrator=engine.integrator, coupling=engine.coupling, **given)
@@ -187,7 +187,7 @@ def _row(
     mode: str,
     motions: list[JointMotion],
     runs: list[FloatArray],
-    truth: ode.Rollout,
+    truth: Rollout,
     expected: FloatArray | None,
 ) -> Row:
     """Return what two runs (n, 3), the second at half the step of the first, say of an engine."""
