@@ -16,7 +16,7 @@ import prescribed
 from mjfish.effects import find
 from mjfish.errors import InputError
 from mjfish.fish import Fish
-from mjfish.model import Model
+from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
 from studies import console, engines
 
@@ -43,6 +43,16 @@ def test_mujoco_reproduces_the_reference_trajectories(
     rows = list(engines.sweep(pike, cases=(case,), reference=reference))
     assert [row.status for row in rows] == ["agrees"] * 3
     assert max(row.to_reference for row in rows) < 1e-5  # worst seen: 5.0e-6, the trajectory's own
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "implicit", "discrete"])
+def test_the_whole_wrench_is_refused_under_implicit_integrators(
+    pike: Fish, monkeypatch: pytest.MonkeyPatch, integrator: Any
+) -> None:
+    """Catches a row that names another coupling than the one that ran: where both are right they swim alike."""
+    monkeypatch.setattr(engines, "ENGINES", (engines.Engine("MuJoCo", "xfrc", integrator, 1),))
+    with pytest.raises(InputError, match="xfrc"):
+        next(engines.sweep(pike, cases=(_STRAIGHT,), duration=0.1))
 
 
 def test_momentum_of_the_root_is_kept_where_the_rates_of_the_joints_jump(pike: Fish) -> None:
@@ -123,10 +133,16 @@ def test_the_study_shows_a_row_an_engine(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "no reference trajectories: name their folder by --reference" in shown
 
 
-def test_the_study_exits_with_1_where_an_engine_disagrees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_study_exits_with_1_where_an_engine_disagrees(
+    pike: Fish, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """On a fish whose effects are said."""
+    extended.write(tmp_path / "bent.toml", Model(pike, (find("roll_loss"),)), {"roll_loss.square": 1.0})
     monkeypatch.setattr(engines, "LEFT", 0.0)
     monkeypatch.setattr(engines, "ENGINES", engines.ENGINES[:1])
-    assert "disagrees" in _told(monkeypatch, "v1", exit_code=1)
+    told = _told(monkeypatch, "v1", "--fish", str(tmp_path / "bent.toml"), exit_code=1)
+    assert "with roll_loss: square = 1" in told
+    assert "disagrees" in told
 
 
 @pytest.mark.parametrize(
