@@ -16,13 +16,14 @@ from mujoco import sysid
 from numpy.typing import NDArray
 from scipy import optimize
 
+import prescribed
 from comparison import Comparison, Side
 from mjfish.data import Trial
 from mjfish.drive import cpg, modes
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.fish import frames, load_fish
 from mjfish.model import Model
-from mjfish.mujoco import StripFluid, mjcf, prescribed
+from mjfish.mujoco import StripFluid, mjcf
 from mjfish.simulation.synthetic import generate
 from plain_model import PlainModel
 

@@ -7,21 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.text import Text
 
 import mjfish
 from mjfish.cli import console
 from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
-from mjfish.errors import InputError, UnknownNameError
+from mjfish.errors import InputError
 from mjfish.files.writing import make_folder, write_json
 from mjfish.numerics.formats import NONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mjfish.model.extended import Extended
-    from mjfish.simulation import CrossCheck, Row, Simulation
+    from mjfish.simulation import Simulation
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 CHECKED = ("v1", "v5-v1", "v3-t2")
@@ -135,14 +131,6 @@ def _fish_in(folder: Path) -> list[Path]:
 def check(
     fish: FishOption = "pike",
     mode: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(MODES)}; repeatable.")] = None,
-    all_: Annotated[
-        bool,
-        typer.Option("--all", help="Every engine, coupling and integrator, on prescribed joints; takes half a minute."),
-    ] = False,
-    reference: Annotated[
-        Path | None,
-        typer.Option(help="With --all: folder of reference trajectories, CSV files.", envvar="MJFISH_REFERENCE"),
-    ] = None,
     coriolis: Annotated[
         Literal["corrected", "printed"], typer.Option(help="The paper's printed form must be seen to fail.")
     ] = "corrected",
@@ -150,32 +138,18 @@ def check(
     effects: console.Own = None,
 ) -> None:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
+    from mjfish import simulation
     from mjfish.drive.modes import drive
     from mjfish.files.plain_data import fields_of
+    from mjfish.fish.frames import CHANNELS, UNITS
     from mjfish.model import extended
 
     extended_fish = extended.load(fish, effects)
     console.say(*extended_fish.described())
-    names = tuple(mode or (() if all_ else CHECKED))
+    names = mode or CHECKED
     for name in names:
         drive(name)  # refuses an unknown mode before any work is done
     console.check_outputs(json_)
-    results = _check_engines(extended_fish, names, reference) if all_ else _check_servos(extended_fish, names, coriolis)
-    passed = all(result.passed for result in results)
-    if json_ is not None:
-        entries = [{**fields_of(result), "passed": result.passed} for result in results]
-        write_json(json_, {"schema": 1, "passed": passed, "rows" if all_ else "checks": entries})
-    if not passed:
-        raise typer.Exit(console.NOT_GOOD)
-
-
-def _check_servos(
-    extended_fish: Extended, names: Sequence[str], coriolis: Literal["corrected", "printed"]
-) -> Sequence[CrossCheck]:
-    """Check both engines on the joint motion of MuJoCo's servos in these modes, and show the differences."""
-    from mjfish import simulation
-    from mjfish.fish.frames import CHANNELS, UNITS
-
     simulation.cpg_of(extended_fish.fish)
     results = []
     with console.progress_bar() as tell:
@@ -189,47 +163,19 @@ def _check_servos(
         for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
             ratios = (f"{level.ratio[channel]:.1e}" for channel in CHANNELS)
             share = f"{level.worst / result.bound:.2g}"
-            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, _known(order, ".2f"))
+            observed = NONE if math.isnan(order) else f"{order:.2f}"
+            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, observed)
         table.add_section()
     console.show(table)
     for result in results:
-        console.item(f"{result.drive}: {result.status}", result.message, _style(result))
-    return results
-
-
-def _check_engines(extended_fish: Extended, names: Sequence[str], reference: Path | None) -> Sequence[Row]:
-    """Check every engine on every case, or on those of the named modes, and show the differences."""
-    from mjfish import simulation
-
-    cases = tuple(case for case in simulation.CASES if not names or case.mode in names)
-    for name in names:
-        if name not in (case.mode for case in cases):
-            raise UnknownNameError("mode of --all", name, [case.mode for case in simulation.CASES])
-    with console.progress_bar() as tell:
-        rows = list(simulation.check_all(extended_fish, cases=cases, reference=reference, tell=tell))
-    words = ("mode", "engine", "coupling", "integrator", "verdict")
-    headings = (*words[:-1], "step", "to ODE", "to ref.", "order", "verdict")
-    table = console.table(
-        f"{extended_fish.fish.name}, joints prescribed: largest differences in velocity", headings, words
-    )
-    table.caption = "to ODE: of the channel's range; to ref.: in m/s and rad/s; step in ms"
-    for row, following in zip(rows, (*rows[1:], None), strict=True):
-        differences = (_known(row.to_ode, ".1e"), _known(row.to_reference, ".1e"), _known(row.order, ".2f"))
-        engine = (row.mode, row.engine, row.coupling, row.integrator)
-        last = following is not None and following.case != row.case
-        table.add_row(*engine, f"{1e3 * row.step:.3g}", *differences, Text(row.status, _style(row)), end_section=last)
-    console.show(table)
-    if reference is None:
-        console.say("no reference trajectories: name their folder by --reference or MJFISH_REFERENCE")
-    return rows
-
-
-def _style(result: CrossCheck | Row) -> str:
-    return f"bold {'green' if result.passed else 'red'}"
-
-
-def _known(value: float, style: str) -> str:
-    return NONE if math.isnan(value) else format(value, style)
+        style = f"bold {'green' if result.passed else 'red'}"
+        console.item(f"{result.drive}: {result.status}", result.message, style)
+    passed = all(result.passed for result in results)
+    if json_ is not None:
+        entries = [{**fields_of(result), "passed": result.passed} for result in results]
+        write_json(json_, {"schema": 1, "passed": passed, "checks": entries})
+    if not passed:
+        raise typer.Exit(console.NOT_GOOD)
 
 
 def export(

@@ -1,24 +1,20 @@
 """Simulated runs: one run of either engine, synthetic datasets, and the engines against each other."""
 
 from mjfish.simulation.band import Band
-from mjfish.simulation.cross_check import BOUND, CASES, ENGINES, Case, CrossCheck, Level, Row, check, check_all, cpg_of
+from mjfish.simulation.cross_check import BOUND, CrossCheck, Level, check, cpg_of, loads_of_mode
 from mjfish.simulation.run import Simulation, parse_wave, simulate
 from mjfish.simulation.synthetic import generate
 
 __all__ = [
     "BOUND",
-    "CASES",
-    "ENGINES",
     "Band",
-    "Case",
     "CrossCheck",
     "Level",
-    "Row",
     "Simulation",
     "check",
-    "check_all",
     "cpg_of",
     "generate",
+    "loads_of_mode",
     "parse_wave",
     "simulate",
 ]

@@ -91,19 +91,3 @@ def test_bad_input_is_refused_before_any_engine_runs(
 ) -> None:
     monkeypatch.setattr(crosscheck.cross_check, "simulate", None)
     assert complaint in refuse(f"check {options}").replace("│ ", "")
-
-
-def test_all_prints_one_row_an_engine_and_writes_json(
-    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(crosscheck, "check_all", functools.partial(crosscheck.check_all, duration=0.5))
-    shown = run("check --all --mode v1 --json all.json").stdout
-    for word in ("engine", "coupling", "integrator", "step", "mode", "to ODE", "to ref.", "order", "verdict"):
-        assert word in shown
-    told = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))
-    assert (told["passed"], len(told["rows"])) == (True, 8)
-    assert shown.count("agrees") == 8
-
-
-def test_all_refuses_a_mode_without_a_case(refuse: Callable[[str], str]) -> None:
-    assert "unknown mode of --all 'v7'; known: v1, v1-t1, v3-t2, v5-v1" in refuse("check --all --mode v7")

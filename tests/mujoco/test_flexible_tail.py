@@ -10,7 +10,7 @@ from mjfish import simulation as crosscheck
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
 from mjfish.mujoco import Trim, export, mjcf, simulate
-from mjfish.simulation import cross_check
+from studies import engines
 
 _SOFT = {"tail_compliance": 0.3, "tail_damping": 0.03, "tail_hardening": 20.0}
 
@@ -37,9 +37,9 @@ def test_both_engines_bend_it_by_the_square_of_the_deflection_too(
     pike: Fish, monkeypatch: pytest.MonkeyPatch, quadratic: float, hardening: float
 ) -> None:
     """To either side alike. Catches an even spring, one that acts on one side only, and one of the wrong sign."""
-    monkeypatch.setattr(cross_check, "ENGINES", cross_check.ENGINES[:3])
+    monkeypatch.setattr(engines, "ENGINES", engines.ENGINES[:3])
     soft = pike.model_copy(update={**_SOFT, "tail_quadratic": quadratic, "tail_hardening": hardening})
-    rows = list(crosscheck.check_all(soft, cases=(crosscheck.CASES[2],), duration=5.6))
+    rows = list(engines.sweep(soft, cases=(engines.CASES[2],), duration=5.6))
     assert [row.status for row in rows] == ["agrees"] * 3
     assert max(row.to_ode for row in rows) < 1e-5
     motion = cpg.joint_motion(pike.cpg, modes.drive("v3"), 3.0, 0.001)
@@ -59,8 +59,8 @@ def test_both_engines_swim_alike_with_it(soft: Fish, pike: Fish) -> None:
 
 def test_both_engines_swim_alike_with_it_on_prescribed_joints(soft: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over the jump of the joints' rate. Catches a tail that does not take up its share of the impulse."""
-    monkeypatch.setattr(cross_check, "ENGINES", cross_check.ENGINES[:3])
-    rows = list(crosscheck.check_all(soft, cases=(crosscheck.CASES[2],), duration=5.6))
+    monkeypatch.setattr(engines, "ENGINES", engines.ENGINES[:3])
+    rows = list(engines.sweep(soft, cases=(engines.CASES[2],), duration=5.6))
     assert [row.status for row in rows] == ["agrees"] * 3
     assert max(row.to_ode for row in rows) < 1e-5
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import prescribed
 from mjfish import ode
 from mjfish.data import importers
 from mjfish.drive import measured, wave
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish, load_fish
-from mjfish.mujoco import mjcf, prescribed, simulate
+from mjfish.mujoco import mjcf, simulate
 from mjfish.numerics.arrays import FloatArray
 
 #: What only the geoms, there for looks, decide.

@@ -11,7 +11,7 @@ from mjfish import ode
 from mjfish.drive import cpg, modes
 from mjfish.fish import Fish
 from mjfish.numerics.arrays import FloatArray
-from mjfish.simulation import CASES, Case
+from studies.engines import CASES, Case
 
 #: At 1 ms the error of the step is below 1e-6; at the default 5 ms it is seen (docs/theory.md).
 STEP = 0.001

@@ -13,8 +13,8 @@ from mjfish.hydro.blunt_force import blunt_drag
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
-from mjfish.mujoco.dense_inertia import axes_of, inertia, inertia_of, jacobian_of, origin_of
 from mjfish.numerics.arrays import FloatArray, RecordArray
+from proofs.dense_inertia import axes_of, inertia, inertia_of, jacobian_of, origin_of
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -1,1 +1,4 @@
-"""Studies made with mjfish: the paper's Table IV, measured fish, roll of the free fish, published numbers, battery."""
+"""Studies made with mjfish.
+
+The paper's Table IV, the measured fish, roll of the free fish, published numbers, the engines, the battery.
+"""

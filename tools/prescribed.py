@@ -17,7 +17,6 @@ import numpy as np
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish, frames
 from mjfish.hydro.load import Load, memory_of
-from mjfish.mujoco import dense_inertia
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
@@ -25,6 +24,7 @@ from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import ROOT, Integrator, prepared, spec, strips
 from mjfish.mujoco.rollout import DIVERGED
 from mjfish.numerics.arrays import FloatArray
+from proofs import dense_inertia
 
 #: Inertia of a flywheel [kg m2]: torques of the water, below 10 N m, change the asked acceleration by 1e-8 rad/s2.
 _FLYWHEEL = 1e9
