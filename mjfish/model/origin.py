@@ -52,14 +52,16 @@ def with_origin(fish: Fish, dataset: Dataset, outcome: str, intervals: Mapping[s
 
 
 def outside(fish: Fish, trial: Trial) -> str:
-    """Return where a run leaves the range that the coefficients of a fish were fitted in; empty where it does not.
+    """Return where a drive leaves the range that the coefficients of a fish were fitted in; empty where it does not.
 
-    Numbers count as the same to a twentieth of the larger end.
+    Numbers count as the same to a twentieth of the larger end. The speed follows from the drive, and is not compared.
     """
     known = {} if fish.identified is None else fish.identified.range
     left = [
         f"{name} {own[0]:.2g} to {own[1]:.2g} {_UNITS[name]}, fitted {ends[0]:.2g} to {ends[1]:.2g} {_UNITS[name]}"
         for name, own in (covered([trial], fish.cpg) if known else {}).items()
-        if (ends := known.get(name)) and max(ends[0] - own[0], own[1] - ends[1]) > SAME * max(map(abs, ends))
+        if name != "speed"
+        and (ends := known.get(name))
+        and max(ends[0] - own[0], own[1] - ends[1]) > SAME * max(map(abs, ends))
     ]
-    return f"{fish.name}: its coefficients were not fitted to such runs: {'; '.join(left)}" if left else ""
+    return f"{fish.name}: its coefficients were not fitted to such drives: {'; '.join(left)}" if left else ""

@@ -154,8 +154,7 @@ def simulate(
         ParameterError: a value outside its bounds.
         InputError: a drive that does not fit the fish, or an effect that the run cannot have.
 
-    Warns of a run that is slower or faster than those that an identified fish was fitted to, or whose joints beat or
-    swing otherwise.
+    Warns of a run whose joints beat or swing otherwise than in the runs that an identified fish was fitted to.
 
     Example:
         >>> import mjfish
@@ -175,8 +174,7 @@ def simulate(
     for effect, own in run.active:
         state = effect.reading(state, own, trial)
     kept = np.isfinite(state[:, :6]).all(axis=1)
-    swum = replace(trial, velocity=state[:, :3])
-    if simulated.status == "ok" and (left := outside(extended_fish.model.fish, swum)):
+    if left := outside(extended_fish.model.fish, trial):
         warnings.warn(left, stacklevel=2)
     return Simulation(
         fish=extended_fish.fish.name,

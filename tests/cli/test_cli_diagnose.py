@@ -32,7 +32,7 @@ def _velocity(folder: Path) -> FloatArray:
     return np.column_stack([table[name] for name in ("surge", "sway", "yaw_rate")])
 
 
-@pytest.mark.filterwarnings("ignore:pike. its coefficients were not fitted to such runs")
+@pytest.mark.filterwarnings("ignore:pike. its coefficients were not fitted to such drives")
 def test_the_fish_that_is_written_swims_as_the_one_that_was_measured(run: Run, tmp_path: Path, pike: Fish) -> None:
     """In both engines. Catches a written fish without its cause, with another size, or with nominal coefficients."""
     hidden = "--effect servo_lag:time_constant=0.03 --set c_d.tail=2.1"
