@@ -10,7 +10,6 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache, partial
 from operator import methodcaller
 
@@ -171,14 +170,14 @@ def _grown(
     best = max(found.values(), key=lambda refit: refit.gain)
     lost = [refit for refit in found.values() if refit.mechanisms == best.mechanisms and far_off(refit.fit)]
     nearer = followed(partial(_from_the_best, best), lost if not far_off(best.fit) else [])
-    return {**found, **{tuple(sorted(refit.names)): refit for refit in nearer}}
+    return {**found, **{_names(refit): refit for refit in nearer}}
 
 
 def _from_the_best(best: Refit, refit: Refit) -> Refit:
     """Follow a set that is far off from the coefficients of another of its mechanisms, and the sizes that both have."""
     start = refit.problem.start({**refit.fit.values, **best.fit.values})
     here = fit_or_raise(refit.problem, start, tolerance=TOLERANCE)
-    return replace(refit, fit=here, gain=refit.gain + refit.fit.sse - here.sse) if here.sse < refit.fit.sse else refit
+    return refit.moved(here) if here.sse < refit.fit.sse else refit
 
 
 def _grown_by_unscored(
@@ -212,10 +211,10 @@ def _extended(
         ends = {name for effect in chosen for name in effect.limits}
         new = [e for e in after.candidates if e in chosen or (e.name in ends and not after.unidentifiable(e.name))]
         for general in (False, True):  # which begins at the formulas that it becomes at the ends of its parameters
-            round_of = [e for e in new if bool(e.limits) == general and _with(base, e.name) not in known]
-            given = [[found[names] for end in e.limits if (names := _with(base, end)) in found] for e in round_of]
+            round_of = [e for e in new if bool(e.limits) == general and _names(base, e.name) not in known]
+            given = [[found[names] for end in e.limits if (names := _names(base, end)) in found] for e in round_of]
             for refit in extended(partial(refit_with, gained=base.gain), round_of, after, given):
-                names = _with(base, refit.names[-1])
+                names = _names(refit)
                 if names not in found or refit.gain > found[names].gain:
                     found[names] = refit
     if found:
@@ -227,15 +226,13 @@ def _extended(
             for refit in found.values()
             if refit.gain >= floor and refit.gain + _AT_MOST * refit.promise > earns and _resembles(refit, whole)
         ]
-        found.update(
-            {tuple(sorted(refit.names)): refit for refit in followed(partial(converged_refit, least=least), near)}
-        )
+        found.update({_names(refit): refit for refit in followed(partial(converged_refit, least=least), near)})
     return found
 
 
-def _with(base: Refit, name: str) -> Names:
-    """Return the names of a set with one more cause, sorted."""
-    return tuple(sorted((*base.names, name)))
+def _names(refit: Refit, *more: str) -> Names:
+    """Return the names of a set, and of more causes, sorted."""
+    return tuple(sorted((*refit.names, *more)))
 
 
 def converged_refit(refit: Refit, least: float) -> Refit:

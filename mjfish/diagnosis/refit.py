@@ -360,7 +360,7 @@ def converged_learned_form(refit: Refit, best: float = np.inf) -> Refit:
     """
     problem, least = refit.problem, min(best, refit.fit.sse)
     problem, found = smoothed(problem, converge(problem, refit.fit.x, refit.fit.sse, least))
-    return _resolved(replace(refit, problem=problem, fit=found, gain=refit.gain + refit.fit.sse - found.sse), least)
+    return _resolved(refit.moved(found, problem), least)
 
 
 def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
@@ -391,7 +391,7 @@ def converged_formula(refit: Refit, best: float) -> Refit:
         result = converge(refit.problem, result.x, result.sse, best)
     if len(refit.effects) == 1 and min(best, result.sse) > _MISFIT * result.count:
         result = _restarted(refit, result, best)
-    return _resolved(replace(refit, fit=result, gain=refit.gain + refit.fit.sse - result.sse), best)
+    return _resolved(refit.moved(result), best)
 
 
 def _restarted(refit: Refit, found: Fit, best: float) -> Fit:
@@ -428,7 +428,7 @@ def lowest(refit: Refit) -> Refit:
     found = fit(problem, x, tolerance=TOLERANCE, evaluations=_MOST)
     if found.lost or found.objective > (1.0 - _BEHIND) * refit.fit.objective:  # the same minimum
         return refit
-    return replace(refit, fit=found, gain=refit.gain + refit.fit.sse - found.sse)
+    return refit.moved(found)
 
 
 def _resolved(refit: Refit, best: float) -> Refit:
@@ -438,7 +438,7 @@ def _resolved(refit: Refit, best: float) -> Refit:
     if problem is refit.problem:
         return refit
     result = converge(problem, x, sse, best)
-    return replace(refit, problem=problem, fit=result, gain=refit.gain + sse - result.sse)
+    return refit.moved(result, problem)
 
 
 def _tolerance(sse: float, best: float) -> float:

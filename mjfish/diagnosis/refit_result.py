@@ -84,6 +84,10 @@ class Refit:
         """The gain less two for every parameter beyond the first: what sets of different size compare on."""
         return self.gain - 2.0 * (self.degrees_of_freedom - 1)
 
+    def moved(self, fit: Fit, problem: Problem | None = None) -> Refit:
+        """Return the same causes at another fit, of another problem where one is given."""
+        return replace(self, problem=problem or self.problem, fit=fit, gain=self.gain + self.fit.sse - fit.sse)
+
     def less(self, out: Effect) -> Refit:
         """Refit without one of several causes, from where the others and the coefficients are."""
         kept = tuple(effect for effect in self.effects if effect.name != out.name)

@@ -307,7 +307,7 @@ class Diagnosis(DiagnosisData):
         for row in self.table.random:
             model, sizes = model.extended(self.effects[row.names[0]]), sizes | dict(row.sizes)
         values = Extended(model, {name: value.estimate for name, value in sizes.items()}).values
-        unnamed = f" Not named: {', '.join(self.best)}, which explains most." * (self.best != () and not self.causes)
+        unnamed = f" Not named: {', '.join(self.best)}, which explains most." if self.best and not self.causes else ""
         outcome = f"{self.verdict}: {self.message}{unnamed}"
         intervals = {name: (value.low, value.high) for name, value in sizes.items() if value.settled}
         fish = with_origin(with_values(model.fish, values), self.dataset, outcome, intervals)

@@ -129,9 +129,9 @@ def _screened_sensors(
     seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
     if seen.p_wrong >= THRESHOLDS.alarm:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
-    refitted = _far_off(problem, baseline, slopes, candidates) or refits(seen.evidence, candidates, None, seen.refits)
+    refitted = _begun(seen.evidence, candidates, seen.refits)
     if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
-        best = _led(refitted)
+        best = leader(refitted)
         problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
         begun = float(np.sum(problem.residual(baseline.x) ** 2))
         baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
@@ -157,12 +157,13 @@ def _screened(
     if walks and (size := walk_of(problem, baseline, slopes().velocity, noise)):
         problem, baseline, slopes = _walking(problem, baseline, slopes, size, candidates, stated)
         noise, remark = noise_of(problem, baseline, slopes().velocity, stated, patterns=False)
-    refitted: dict[str, Refit] = {}
-    if stated is not None and not problem.walk:
-        refitted = _far_off(problem, baseline, slopes, candidates)
-    if refitted and not _fits(best := leader(refitted)):
-        refitted = {}
-    elif refitted:
+    known_noise = stated is not None and not problem.walk
+    begun = (
+        _begun(gather(problem, baseline, candidates, slopes), candidates) if known_noise and far_off(baseline) else {}
+    )
+    refitted = begun if begun and _fits(leader(begun)) else {}
+    if refitted:  # what no linearised model explains of a large misfit would be taken for noise
+        best = leader(refitted)
         noise, remark = noise_of(best.problem, best.fit, _beside(best, candidates)[1]().velocity, stated)
     test = _NominalTest(candidates, slopes)
     seen = test.run(problem, baseline, noise)
@@ -220,22 +221,18 @@ def _walking(
     return before if rivals and leader(rivals).fit.sse < left else (walking, found, along)
 
 
-def _far_off(
-    problem: Problem, baseline: Fit, slopes: Recomputable[Slopes], candidates: tuple[Effect, ...]
+def _begun(
+    evidence: Evidence, candidates: tuple[Effect, ...], coarse: Mapping[str, Refit] | None = None
 ) -> dict[str, Refit]:
-    """Return refits under the noise of the problem where the nominal model is far off; none where it is not.
+    """Return the first refits of the nominal model, the best one followed to its optimum.
 
-    The score of the true cause may be small there: where no refit of those with large scores fits, every formula is
-    refitted. Where one fits, its residual tells the noise: what no linearised model explains of a large misfit would be
-    taken for noise, and the true cause have little to explain.
+    Where that model is far off, the score of the true cause may be small: if the best does not fit, every formula is
+    refitted.
     """
-    if not far_off(baseline):
-        return {}
-    evidence, found = gather(problem, baseline, candidates, slopes), dict[str, Refit]()
-    for make in (refits, other_refits):
-        found |= make(evidence, [e for e in candidates if e.name not in found])
-        if not found or _fits(_led(found)):
-            break
+    found = refits(evidence, candidates, None, coarse)
+    if found and not _fits(_led(found)) and far_off(evidence.fit):
+        found |= other_refits(evidence, [e for e in candidates if e.name not in found])
+        _led(found)
     return found
 
 

@@ -24,11 +24,15 @@ def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[str, Span]:
         if trial.measured[0]:
             quarters = [float(part.mean()) for part in np.array_split(trial.velocity[:, 0], 4) if len(part)]
             found["speed"] += [float(np.mean(quarters[len(quarters) // 2 :])), max(quarters)]
-        found["beat"] += beats(trial)
-        found["amplitude"].append(
-            0.5 * np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max().item()
-        )
+        for name, own in _of_drive(trial, cpg).items():
+            found[name] += own
     return {name: (min(own), max(own)) for name, own in found.items() if own}
+
+
+def _of_drive(trial: Trial, cpg: Cpg | None) -> dict[str, list[float]]:
+    """Return the beats and the amplitude of a run, which are known before it is swum."""
+    swing = np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max()
+    return {"beat": beats(trial), "amplitude": [0.5 * float(swing)]}
 
 
 def with_origin(fish: Fish, dataset: Dataset, outcome: str, intervals: Mapping[str, Span]) -> Fish:
@@ -58,10 +62,9 @@ def outside(fish: Fish, trial: Trial) -> str:
     """
     known = {} if fish.identified is None else fish.identified.range
     left = [
-        f"{name} {own[0]:.2g} to {own[1]:.2g} {_UNITS[name]}, fitted {ends[0]:.2g} to {ends[1]:.2g} {_UNITS[name]}"
-        for name, own in (covered([trial], fish.cpg) if known else {}).items()
-        if name != "speed"
-        and (ends := known.get(name))
-        and max(ends[0] - own[0], own[1] - ends[1]) > SAME * max(map(abs, ends))
+        f"{name} {min(own):.2g} to {max(own):.2g} {_UNITS[name]}, fitted {low:.2g} to {high:.2g} {_UNITS[name]}"
+        for name, own in (_of_drive(trial, fish.cpg) if known else {}).items()
+        for low, high in ([known[name]] if own and name in known else [])
+        if max(low - min(own), max(own) - high) > SAME * max(abs(low), abs(high))
     ]
     return f"{fish.name}: its coefficients were not fitted to such drives: {'; '.join(left)}" if left else ""
