@@ -174,7 +174,7 @@ def _grown(
 
 
 def _from_the_best(best: Refit, refit: Refit) -> Refit:
-    """Follow a set that is far off from the coefficients of another of its mechanisms, and the sizes that both have."""
+    """Fit a set once more, from the coefficients of the best set of its mechanisms and the sizes that both have."""
     start = refit.problem.start({**refit.fit.values, **best.fit.values})
     here = fit_or_raise(refit.problem, start, tolerance=TOLERANCE)
     return refit.moved(here) if here.sse < refit.fit.sse else refit
@@ -210,7 +210,7 @@ def _extended(
         chosen = shortlist(after)
         ends = {name for effect in chosen for name in effect.limits}
         new = [e for e in after.candidates if e in chosen or (e.name in ends and not after.unidentifiable(e.name))]
-        for general in (False, True):  # which begins at the formulas that it becomes at the ends of its parameters
+        for general in (False, True):  # a general form begins at the formulas that it becomes, `Effect.limits`
             round_of = [e for e in new if bool(e.limits) == general and _names(base, e.name) not in known]
             given = [[found[names] for end in e.limits if (names := _names(base, end)) in found] for e in round_of]
             for refit in extended(partial(refit_with, gained=base.gain), round_of, after, given):

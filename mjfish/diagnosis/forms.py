@@ -115,7 +115,7 @@ def refit_learned_forms(
     coarse = [*extended(refit_with, seen, scored, formulas)]
 
     def reach(refit: Refit) -> float:
-        """Return the largest gain of others beside which it is followed."""
+        """Return the gain that no other refit may exceed if this one is to be followed."""
         if known:
             return refit.gain / (_RUNNING if refit.mechanisms[0] in known else _RIVAL)
         return (refit.gain + refit.promise) / _RUNNING

@@ -104,7 +104,8 @@ def _rivalry(refits: Mapping[Names, Refit], held_out: HeldOut) -> dict[Names, Ro
         margin = 2.0 * rng.standard_normal((DRAWS, len(names))) @ root.T - np.diag(inner)
         observed = float(gains.max() - gains[index])
         finite("the comparison of the candidates", margin=observed, by_run=float(margin.sum()))
-        beaten = np.count_nonzero(margin.max(axis=1, initial=0.0) >= observed - 1e-9)  # by itself by 0, if rounded
+        # its margin over itself is 0, which the root has rounded
+        beaten = np.count_nonzero(margin.max(axis=1, initial=0.0) >= observed - 1e-9)
         result[name] = Row.of(
             name, refits[name], observed, (1 + int(beaten)) / (1 + DRAWS), chosen[index] if chosen else None
         )
