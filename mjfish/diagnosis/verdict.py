@@ -140,9 +140,11 @@ def _nearly(best: Row, comparison: Comparison, limits: Thresholds) -> Decision |
     similar = comparison.similar(best, limits.resembles, limits)
     if len({row.mechanisms for row in similar}) > LARGEST:
         return None
-    alike = one_mechanism(similar) and len(similar) > 1
-    what = f"the mechanism {best.mechanisms[0]}" if alike else _listed(_sets(similar))
-    choice = f"{what} explains {percent(1.0 - best.remaining)} of it and leaves something systematic: {_OTHERWISE}"
+    alike = one_mechanism(similar)
+    what = f"the mechanism {best.mechanisms[0]}" if alike and len(similar) > 1 else best.names[0]
+    others = "" if alike else f"; also possible: {_listed(_sets(similar[1:]))}"
+    explains = f"explains {percent(1.0 - best.remaining)} of it and leaves something systematic: {_OTHERWISE}"
+    choice = f"{what} {explains}{others}"
     return Decision("cannot_tell", _sets(similar), _undecided(choice))
 
 

@@ -331,7 +331,11 @@ def test_what_explains_most_in_another_form_is_told_and_not_named() -> None:
     decision = _decided(far)
     assert (decision.verdict, decision.sets, decision.certain) == ("cannot_tell", (("a",),), ())
     assert "a explains 80.0\N{NO-BREAK SPACE}% of it and leaves something systematic" in decision.message
-    assert _decided(comparison).sets == (("a",), ("b",))
+    rivals = _decided(comparison)
+    assert rivals.sets == (("a",), ("b",))
+    assert "cannot tell what: a explains" in rivals.message
+    assert "; also possible: b." in rivals.message
+    assert "also possible" not in decision.message
     many = _compared({"a": LIKE, "b": near, "c": near, "d": near})
     assert _decided(many).verdict == "unexplained"
     forms = _with(_with(many, "c", mechanisms=("x",)), "d", mechanisms=("x",))
