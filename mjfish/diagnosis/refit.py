@@ -348,6 +348,11 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
         starts = [problem.start(values) for values in _like(effect, formulas)]
         tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
+    if far_off(evidence.fit) and best.sse > _MISFIT * best.count and not effect.learned:
+        declared = _declared_start(evidence, problem, effect)
+        if declared is not None:
+            other = fit_or_raise(problem, declared, tolerance=TOLERANCE, evaluations=_TRY)
+            best = min(best, other, key=lambda each: each.objective)
     return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
 
@@ -469,6 +474,8 @@ _MULTIPLES = (0.3, 1.0, 3.0)
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
 #: Change of the sum of squares from which on a size is felt, and how closely the least such is found.
 _FELT, _HALVINGS = 0.5, 8
+#: Sizes that are tried beside the declared coefficients, in units of an amplitude's scale.
+_FAR_SIZES = (1.0, 3.0, 10.0, 30.0)
 #: How many of the most promising starts are looked at once more, with the coefficients moved.
 _TRIED = 3
 #: How often these move on, as long as this share or less is left each time.
@@ -629,6 +636,24 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     if effect.starts_off_null():
         found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in found]
+
+
+def _declared_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArray | None:
+    """Return the start (p,) at the declared coefficients whose size of the effect leaves least there; None: it is null.
+
+    Far from the truth a fit bends the coefficients, and beside these no size of the true cause explains anything.
+
+    Args:
+        evidence, problem, effect: as of `best_start`.
+    """
+    causes = {p.name for cause in evidence.problem.causes for p in cause.parameters}
+    kept = {name: value for name, value in evidence.fit.values.items() if name in causes}
+    one_step, amplitudes = evidence.first_guess(effect.name), effect.amplitudes()
+    signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
+    sizes = ({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes} for multiple in _FAR_SIZES)
+    starts = [problem.start(kept), *(problem.start({**kept, **_inside(effect, size)}) for size in sizes)]
+    least = int(np.argmin([np.sum(problem.rough.residual(x) ** 2) for x in starts]))
+    return starts[least] if least else None
 
 
 def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:

@@ -18,7 +18,9 @@ from mjfish.diagnosis.result import estimates
 from mjfish.drive import cpg
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem, fit
+from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Slopes
+from mjfish.estimation.sensor_noise import with_sensor_noise
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.numerics.arrays import readonly
@@ -116,6 +118,23 @@ def test_a_refit_that_runs_away_begins_again_at_the_declared_coefficients(
     }
     assert not one.fit.lost
     assert one.fit.values["servo_lag.time_constant"] == pytest.approx(0.02, abs=0.003)
+
+
+@pytest.mark.parametrize(("name", "size"), [("servo_lag.time_constant", 0.07), ("servo_rate_limit.slowness", 0.39)])
+def test_a_large_cause_is_found_where_the_nominal_fit_has_bent_the_coefficients(name: str, size: float) -> None:
+    """Beside the bent ones no size explains anything: from there alone a fit leaves 70 times the noise and more."""
+    truth, effect = {name: size}, find(name.partition(".")[0])
+    data = generate(
+        "pike", ["v1", "v3"], values=truth, noise=(1e-3, 1e-3, 0.005), seed=1, duration=6.5, observe="pose",
+        joints="commanded",
+    )  # fmt: skip
+    problem = nominal_problem(data, data.trials, Noise.white(np.full(3, np.nan)))
+    problem = with_sensor_noise(problem, problem.start())
+    nominal = fit(problem, tolerance=1e-5)
+    assert nominal.sse > 100.0 * nominal.count
+    found = refit_with(gather(problem, nominal, [effect]), effect)
+    assert found.fit.sse < 1.5 * found.fit.count
+    assert found.fit.values[name] == pytest.approx(size, rel=0.15)
 
 
 @pytest.mark.parametrize("everywhere", [False, True])
