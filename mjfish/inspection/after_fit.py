@@ -17,6 +17,7 @@ is standard normal where both are right: the deleted residual of linear regressi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,10 +28,10 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection.finding import Finding, Inspection, resumed
-from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
+from mjfish.inspection.finding import Finding, Inspection, changed
+from mjfish.inspection.nominal_simulation import labels, sampled_enough
 from mjfish.noise import DifferentiationNoise, Noise
-from mjfish.numerics.arrays import FloatArray, robust_sigma
+from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
 SHIFTS = np.arange(-6, 13)
@@ -67,7 +68,7 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     shared = {p.name: values[p.name] for p in problem.model.parameters}
     sigma = np.median([robust_sigma(r) for r in problem.raw(fit.x)], axis=0) + 1e-12
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
-    found = _labels(problem, trials, shared, sigma)
+    found = list(labels(problem.model, trials, [shared], sigma))
     wrong = {name for finding in found for name in finding.trials}
     for trial in trials:
         if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
@@ -92,13 +93,6 @@ def starts_on_bounds(fit: Fit) -> Iterator[Finding]:
                 "look at the first samples of this run: their unit and their columns, and whether they belong to it",
                 trials=(trial,),
             )
-
-
-def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:
-    drives = list(dict.fromkeys(trial.drive for trial in trials))
-    if len(drives) < 2:
-        return []
-    return list(labels(trials, drives, costs(problem.model, trials, drives, values, sigma=sigma), fitted=True))
 
 
 def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: float) -> FloatArray:
@@ -150,6 +144,7 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
             trials=(trial.name,),
         )
     elif jump:
+        resumed = partial(_resumed, at=when, by=jump * step)
         what = f"{jump} frames were lost" if jump > 0 else f"{-jump} frames were counted twice"
         yield Finding(
             "clock-jump",
@@ -160,24 +155,26 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
             "times that go on evenly with the command",
             "number the frames by their time stamps and say gaps = true, or cut the run there",
             trials=(trial.name,),
-            corrected=partial(resumed, name=trial.name, at=when, by=jump * step) if jump > 0 else None,
+            corrected=partial(changed, changes={trial.name: resumed}) if jump > 0 else None,
         )
+
+
+def _resumed(trial: Trial, at: float, by: float) -> Trial:
+    """Return a trial in which frames were lost: its samples after a time [s] are later by `by`."""
+    return replace(trial, time=readonly(trial.time + by * (trial.time > at)), gaps=True)
 
 
 def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
     """Return the least misfit with a shift that goes evenly from one to another, and the two (indices)."""
     shifts, n = misfit.shape
     share = np.linspace(0.0, 1.0, n)
-    best, ends = np.inf, (0, 0)
-    for a in range(shifts):
-        for b in range(shifts):
-            if abs(a - b) < 2:
-                continue
-            at = np.rint(a + (b - a) * share).astype(np.intp)
-            here = float(misfit[at, np.arange(n)].sum())
-            if here < best:
-                best, ends = here, (a, b)
-    return best, ends
+
+    def left(ends: tuple[int, int]) -> float:
+        at = np.rint(ends[0] + (ends[1] - ends[0]) * share).astype(np.intp)
+        return float(misfit[at, np.arange(n)].sum())
+
+    best = min(((a, b) for a in range(shifts) for b in range(shifts) if abs(a - b) > 1), key=left)
+    return left(best), best
 
 
 def differentiated(noise: Noise) -> Iterator[Finding]:
