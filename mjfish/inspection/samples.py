@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import ndimage, signal, stats
 from scipy.spatial import cKDTree
 
 from mjfish.data import Trial, columns
@@ -122,10 +122,8 @@ def _left_out(time: FloatArray, angle: FloatArray) -> FloatArray:
     rows = np.arange(_JOINT_REACH, len(time) - _JOINT_REACH)
     near = time[rows[:, None] + _JOINT_OFFSETS]
     weights = np.ones_like(near)
-    for m in range(len(_JOINT_OFFSETS)):
-        for q in range(len(_JOINT_OFFSETS)):
-            if q != m:
-                weights[:, m] *= (time[rows] - near[:, q]) / (near[:, m] - near[:, q])
+    for m, q in permutations(range(len(_JOINT_OFFSETS)), 2):
+        weights[:, m] *= (time[rows] - near[:, q]) / (near[:, m] - near[:, q])
     return np.asarray(angle[rows] - np.einsum("km,kmj->kj", weights, angle[rows[:, None] + _JOINT_OFFSETS]))
 
 
@@ -183,11 +181,10 @@ class Interpolated:
 def interpolated(trial: Trial) -> Interpolated | None:
     """Interpolate every sample from its neighbours; None where too few samples have all of theirs."""
     time = trial.time
-    step = float(np.median(np.diff(time)))
-    torn = np.diff(time) > GAP * step
+    torn = np.diff(time) > GAP * trial.step
     for segment in trial.drive:  # what the fish does in its first beats is not periodic
         settling = segment.start + _BEATS * 2.0 * np.pi / segment.omega
-        torn |= (time[1:] >= segment.start - step) & (time[:-1] <= settling)
+        torn |= (time[1:] >= segment.start - trial.step) & (time[:-1] <= settling)
     for jump in jumps(trial):  # the velocity jumps with the joints
         torn[max(jump.first - 1, 0) : jump.last + 1] = True
     before = np.concatenate([[0], np.cumsum(torn)])
@@ -196,19 +193,14 @@ def interpolated(trial: Trial) -> Interpolated | None:
     if len(rows) < 8 * REACH:
         return None
     offsets = np.array([k for k in range(-REACH, REACH + 1) if k != 0])
-    misfit, noise = np.empty((len(rows), 3)), np.empty(3)
-    for channel in range(3):
-        values = trial.velocity[:, channel] - np.median(trial.velocity[:, channel])
-        design = np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))])
-        misfit[:, channel], weights = huber_fit(design, values[rows])
-        noise[channel] = 1.0 / np.sqrt(1.0 + weights[:-1] @ weights[:-1])
+    fits = [
+        huber_fit(np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))]), values[rows])
+        for values in (trial.velocity - np.median(trial.velocity, axis=0)).T
+    ]
+    misfit = np.column_stack([left for left, _ in fits])
     sigma = robust_sigma(misfit) + 1e-300
-    return Interpolated(trial, rows, misfit, sigma, sigma * noise)
-
-
-def pooled(found: Sequence[Interpolated]) -> FloatArray:
-    """Return the noise (3,) of all trials, the median."""
-    return np.asarray(np.median([line.noise for line in found], axis=0)) if found else np.zeros(3)
+    gain = np.array([1.0 + weights[:-1] @ weights[:-1] for _, weights in fits])
+    return Interpolated(trial, rows, misfit, sigma, sigma / np.sqrt(gain))
 
 
 def huber_fit(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -229,8 +221,8 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     moving = np.any(trial.velocity[1:] != 0.0, axis=1)
     frozen = np.all(same, axis=1) & moving
     # How often single values repeat by chance, as they do where they were rounded.
-    repeating = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
-    if len(same) * float(np.prod(repeating)) < _LEVEL and frozen.any():
+    repeating = np.sum(same[~frozen], axis=0) / max(np.count_nonzero(~frozen), 1)
+    if frozen.any() and len(same) * np.prod(repeating) < _LEVEL:
         yield _frozen(trial, frozen)
     for channel, name in enumerate(CHANNELS):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
@@ -244,9 +236,7 @@ def stuck(trial: Trial) -> Iterator[Finding]:
                 trials=(trial.name,),
                 channels=(name,),
             )
-            continue
-        found = _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving)
-        if found:
+        elif found := _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving):
             yield found
 
 
@@ -275,17 +265,17 @@ def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
 
 def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
     """Find one channel that keeps its value while the others move, longer than rounding explains."""
-    start, length = _longest(same)
-    share = float(np.mean(np.delete(same, np.s_[start : start + length])))
-    if length < 3 or len(same) * max(share, 1e-12) ** length > _LEVEL:
+    runs, _ = ndimage.label(same)
+    lengths = np.bincount(runs.ravel(), minlength=2)[1:]
+    inside, length = runs == 1 + np.argmax(lengths), int(lengths.max())
+    if length < 3 or len(same) * max(float(np.mean(same[~inside])), 1e-12) ** length > _LEVEL:
         return None
-    name = CHANNELS[channel]
-    value = trial.velocity[start, channel]
+    start, name = int(np.argmax(inside)), CHANNELS[channel]
     return Finding(
         "stuck-held",
         "suspect",
         f"trial '{trial.name}', {name}, rows {start + 1} to {start + length + 1} ({trial.time[start]:.3f} s)",
-        f"the value stays at {value:.4g} {UNITS[name]} while the other channels move",
+        f"the value stays at {trial.velocity[start, channel]:.4g} {UNITS[name]} while the other channels move",
         "a value that changes with every row",
         f"{without_rows(trial)}; or see why the channel was stuck",
         trials=(trial.name,),
@@ -316,16 +306,6 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
     return None
 
 
-def _longest(same: BoolArray) -> tuple[int, int]:
-    """Return first row and length of the longest run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
-        return 0, 0
-    longest = int(np.argmax(ends - starts))
-    return int(starts[longest]), int(ends[longest] - starts[longest])
-
-
 def copies(
     trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray, lines: Sequence[Interpolated]
 ) -> Iterator[Finding]:
@@ -343,52 +323,36 @@ def copies(
     sharing = _shared_blocks(trials)
     near = set() if silent else _recurring(trials, lines)
     for i, j in sorted(near | sharing.keys()):
-        a, b, blocks_shared = trials[i], trials[j], sharing[i, j]
-        shared = blocks_shared + _BLOCK - 1
-        close = blocks_shared < _SHARED and not silent and _close(a, b, sigma)
-        if blocks_shared < _SHARED and not close:
+        a, b, exact = trials[i], trials[j], sharing[i, j] >= _SHARED
+        if not exact and (silent or not _close(a, b, sigma)):
             continue
-        leak = (a.name in held) != (b.name in held)
+        shared, leak = sharing[i, j] + _BLOCK - 1, (a.name in held) != (b.name in held)
         share = min(shared / min(len(a.time), len(b.time)), 1.0)
-        what = "are the same but for less than their noise" if close else f"share {shared} rows ({share:.0%}) exactly"
-        if silent:
-            yield Finding(
-                "copies-without-noise",
-                "remark",
-                f"trials '{a.name}' and '{b.name}'",
-                f"{what}, in data without noise",
-                "noise, that never repeats itself",
-                "simulated data: nothing to do; measured data: remove one of the two",
-                trials=(a.name, b.name),
-            )
-            continue
+        what = f"share {shared} rows ({share:.0%}) exactly" if exact else "are the same but for less than their noise"
         consequence = "one is fitted and the other held out, so that the gain is no gain" if leak else "it counts twice"
         yield Finding(
-            "copies-leak" if leak else "copies-twice",
-            "blocks" if leak else "suspect",
+            "copies-without-noise" if silent else "copies-leak" if leak else "copies-twice",
+            "remark" if silent else "blocks" if leak else "suspect",
             f"trials '{a.name}' and '{b.name}'",
-            f"they {what}; {consequence}",
-            "recordings of their own, with noise of their own",
-            "remove one of the two, or cut the part that they share",
+            f"{what}, in data without noise" if silent else f"they {what}; {consequence}",
+            "noise, that never repeats itself" if silent else "recordings of their own, with noise of their own",
+            "simulated data: nothing to do; measured data: remove one of the two"
+            if silent
+            else "remove one of the two, or cut the part that they share",
             trials=(a.name, b.name),
         )
 
 
 def _shared_blocks(trials: Sequence[Trial]) -> Counter[tuple[int, int]]:
-    """Return how many blocks pairs of trials have in common, of those pairs that have any."""
+    """Return how many blocks, four rows that follow each other, pairs of trials have in common, but those at rest."""
     having: dict[int, list[int]] = {}
     for i, trial in enumerate(trials):
-        for block in _blocks(trial):
+        values = trial.velocity + 0.0  # minus zero is zero
+        moving = np.any(values != 0.0, axis=1)
+        starts = range(len(values) - _BLOCK + 1)
+        for block in {hash(values[k : k + _BLOCK].tobytes()) for k in starts if moving[k : k + _BLOCK].all()}:
             having.setdefault(block, []).append(i)
-    return Counter(pair for own in having.values() if len(own) > 1 for pair in combinations(own, 2))
-
-
-def _blocks(trial: Trial) -> set[int]:
-    """Return every four rows that follow each other, but those at rest, as hashes."""
-    values = trial.velocity + 0.0  # minus zero is zero
-    moving = np.any(values != 0.0, axis=1)
-    starts = range(len(values) - _BLOCK + 1)
-    return {hash(values[k : k + _BLOCK].tobytes()) for k in starts if moving[k : k + _BLOCK].all()}
+    return Counter(pair for own in having.values() for pair in combinations(own, 2))
 
 
 def _recurring(trials: Sequence[Trial], lines: Sequence[Interpolated]) -> set[tuple[int, int]]:
@@ -398,51 +362,39 @@ def _recurring(trials: Sequence[Trial], lines: Sequence[Interpolated]) -> set[tu
     takes the square of their number. Of a trial without a line, that is a short one, all pairs are returned.
     """
     known = {id(line.trial): line for line in lines}
-    found = {
-        (min(i, j), max(i, j))
-        for i, trial in enumerate(trials) if id(trial) not in known
-        for j in range(len(trials)) if j != i
-    }  # fmt: skip
+    short = [i for i, trial in enumerate(trials) if id(trial) not in known]
+    found = {(min(i, j), max(i, j)) for i in short for j in range(len(trials)) if j != i}
     noise, places = [np.zeros((0, 9))], [np.zeros((0, 2), dtype=np.intp)]
-    for i, trial in enumerate(trials):
-        if (line := known.get(id(trial))) is None:
-            continue
+    for i in sorted({*range(len(trials))} - {*short}):
+        line = known[id(trials[i])]
         scaled = line.misfit / line.sigma
         loud = 1 + np.flatnonzero(np.any(np.abs(scaled[1:-1]) > _LOUD, axis=1))
         loud = loud[line.rows[loud + 1] - line.rows[loud - 1] == 2]
         noise.append(scaled[loud[:, None] + np.arange(-1, 2)].reshape(-1, 9))
         places.append(np.column_stack([np.full(len(loud), i), line.rows[loud]]))
-    at = np.concatenate(places)
-    pairs = cKDTree(np.concatenate(noise)).query_pairs(_ALIKE, output_type="ndarray")
-    (i, first), (j, second) = (at[pairs[:, side]].T for side in (0, 1))
-    shifts = np.column_stack([i, j, second - first])[i != j]
-    shifts = np.where((shifts[:, 0] > shifts[:, 1])[:, None], shifts[:, [1, 0, 2]] * [1, 1, -1], shifts)
-    seen, counts = np.unique(shifts, axis=0, return_counts=True)
+    pairs = cKDTree(np.concatenate(noise)).query_pairs(_ALIKE, output_type="ndarray")  # each in order
+    (i, first), (j, second) = np.concatenate(places)[pairs.T].swapaxes(1, 2)
+    seen, counts = np.unique(np.column_stack([i, j, second - first])[i != j], axis=0, return_counts=True)
     return found | {(int(i), int(j)) for i, j, _ in seen[counts >= _SHARED]}
 
 
 def _close(a: Trial, b: Trial, sigma: FloatArray) -> bool:
-    """Whether two recordings, one shifted to where they agree best, differ by less than noise can."""
-    first, second = a.velocity / sigma, b.velocity / sigma
-    lag, overlap = _nearest(first, second)
-    left, right = first[max(lag, 0) :][:overlap], second[max(-lag, 0) :][:overlap]
-    return overlap > 0 and bool(np.median(np.abs(left - right), axis=0).max() < _NEAR)
+    """Whether two recordings, one shifted to where they agree best, differ by less than noise can.
 
-
-def _nearest(first: FloatArray, second: FloatArray) -> tuple[int, int]:
-    """Return by how many rows the first is ahead where the mean square of the difference is least, and the overlap.
-
-    Sum (a - b)^2 over what overlaps = sums of squares, which grow with the overlap, less twice the correlation.
+    That is where the mean square of their difference is least; sum (a - b)^2 over what overlaps = sums of squares,
+    which grow with the overlap, less twice the correlation.
     """
+    first, second = a.velocity / sigma, b.velocity / sigma
     n, m = len(first), len(second)
     lags = signal.correlation_lags(n, m)
     correlation = sum(signal.correlate(*channels, method="fft") for channels in zip(first.T, second.T, strict=True))
     start, stop = np.maximum(lags, 0), np.minimum(lags + m, n)
     squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (first, second))
     power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]
-    overlap = stop - start
-    best = int(np.argmin(np.where(overlap >= _OVERLAP * min(n, m), (power - 2.0 * correlation) / overlap, np.inf)))
-    return int(lags[best]), int(overlap[best])
+    enough = stop - start >= _OVERLAP * min(n, m)
+    best = int(np.argmin(np.where(enough, (power - 2.0 * correlation) / (stop - start), np.inf)))
+    left = first[start[best] : stop[best]] - second[start[best] - lags[best] : stop[best] - lags[best]]
+    return bool(np.median(np.abs(left), axis=0).max() < _NEAR)
 
 
 def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
@@ -458,8 +410,7 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
             return
         every = np.concatenate(scaled)
         degrees_of_freedom, spread = _student(every)
-        far = float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread
-        limit = max(far, FAR)
+        limit = max(float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread, FAR)
         for line, values in zip(found, scaled, strict=True):
             size = np.abs(line.misfit[:, channel])
             out = np.flatnonzero((np.abs(values) > limit) & (size > _SMALL * np.ptp(line.trial.velocity[:, channel])))
