@@ -65,7 +65,7 @@ def _gains(window: int, degree: int, rounding: float, seen: bytes) -> Gains:
     drive[0, 0, 0] = 1.0
     return gains(
         np.eye(window, k=-1)[None], drive, weights(window, degree)[None] / np.sqrt(total),
-        np.array([[rounding**2 / total]]), np.eye(window), np.frombuffer(seen, dtype=np.bool_),
+        np.array([rounding**2 / total]), np.eye(window), np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 
 

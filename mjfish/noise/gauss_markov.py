@@ -66,7 +66,7 @@ class GaussMarkov(Noise):
 def _gains(sigma: float, drift: float, decay: float, seen: bytes) -> Gains:
     unit = np.ones((1, 1))
     return gains(
-        decay * unit[None], drift**2 * (1.0 - decay**2) * unit[None], unit, sigma**2 * unit, drift**2 * unit,
+        decay * unit[None], drift**2 * (1.0 - decay**2) * unit[None], unit, np.array([sigma**2]), drift**2 * unit,
         np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 

@@ -53,7 +53,7 @@ class ProcessNoise(Noise):
         if key not in self._cache:
             transition, drive, start = self.matrices(self._jacobian(trial, len(seen)), trial.step)
             reading = np.concatenate([np.eye(3), np.zeros((3, 3))], axis=1)
-            self._cache[key] = gains(transition, drive[None], reading, np.diag(self.sigma**2), start, seen)
+            self._cache[key] = gains(transition, drive[None], reading, self.sigma**2, start, seen)
         return [self._cache[key]]
 
     def matrices(self, jacobian: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:

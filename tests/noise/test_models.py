@@ -115,16 +115,6 @@ def test_noise_is_whitened_from_the_first_sample_on_and_over_gaps(
         assert np.all(np.abs(product) < 5.0 / np.sqrt(count) + 0.01), lag
 
 
-@pytest.mark.parametrize("noise", [COLOURED, DRIFTING, ROUGH, PUSHED], ids=["ar", "drift", "differentiated", "forces"])
-def test_whitening_takes_back_what_simulation_does(noise: Any) -> None:
-    """One draw of unit white noise comes back, also over a gap. Catches a simulation that starts or steps otherwise."""
-    trial = _trial(300)
-    trial.time = np.delete(trial.time, [100, 101, 150])
-    drawn = noise.simulate(trial, np.random.default_rng(5))
-    white = noise.whiten(trial, np.ones(297, dtype=np.bool_), drawn)
-    np.testing.assert_allclose(white, np.random.default_rng(5).standard_normal((297, 3)), atol=1e-9)
-
-
 def test_the_kalman_filter_is_the_recursion_where_the_past_is_known() -> None:
     block = _coloured(np.random.default_rng(1), 300)
     exact = COLOURED.whiten(_trial(300), np.ones(300, dtype=np.bool_), block)
