@@ -93,7 +93,6 @@ class Autoregressive(Noise):
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the channels."""
-        del trial
         return [
             _filter(phi.tobytes(), float(sigma), seen.tobytes())
             for phi, sigma in zip(self.phi, self.sigma, strict=True)

@@ -45,7 +45,6 @@ class DifferentiationNoise(Noise):
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the channels, whose state is the positions under the window."""
-        del trial
         unit = _gains(self.window, self.degree, self.rounding, seen.tobytes())
         return [unit.scaled(sigma) for sigma in self.sigma.tolist()]
 
@@ -105,14 +104,14 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
         tried = replace(noise, rounding=float(np.exp(log_share)))
         return replace(tried, sigma=readonly(tried.sigma * left.whitened_sigma(tried)))
 
-    def cost(log_share: float) -> float:
-        return -left.log_likelihood(rounded(log_share))
-
     middle = np.log(noise.rounding)
-    bounds = (middle - _NEAR, middle + _NEAR)
-    found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _FINE})
-    best = float(checked(np.asarray([found.x, found.fun]))[0])
-    return rounded(best)
+    found = optimize.minimize_scalar(
+        lambda log_share: -left.log_likelihood(rounded(log_share)),
+        bounds=(middle - _NEAR, middle + _NEAR),
+        method="bounded",
+        options={"xatol": _FINE},
+    )
+    return rounded(float(checked(np.asarray([found.x, found.fun]))[0]))
 
 
 def _scaled(left: NoiseSample, window: int, degree: int, rounding: float) -> tuple[DifferentiationNoise, float]:

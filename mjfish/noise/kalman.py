@@ -138,24 +138,25 @@ def advance(
     ahead, turned = np.empty((d, d)), np.empty((d, d))
     for t in range(seen.shape[0]):
         value, white = reading.value[min(t, reading.value.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
-        for c in range(m if seen[t] else 0):
-            for i in range(d):
-                across[0, i] = 0.0
-            for e in range(value.shape[0]):
-                if reading.row[e] == c:
-                    _add(across, 0, covariance, reading.column[e], value[e])
-            total = white[c]
-            for e in range(value.shape[0]):
-                if reading.row[e] == c:
-                    total += across[0, reading.column[e]] * value[e]
-            if not total > 0.0:
-                raise np.linalg.LinAlgError("a covariance is not positive definite")
-            scale[t, c] = 1.0 / np.sqrt(total)
-            for i in range(d):
-                across[0, i] *= scale[t, c]
-                gain[t, i, c] = across[0, i]
-            for i in range(d):
-                _add(covariance, i, across, 0, -across[0, i])
+        if seen[t]:
+            for c in range(m):
+                for i in range(d):
+                    across[0, i] = 0.0
+                for e in range(value.shape[0]):
+                    if reading.row[e] == c:
+                        _add(across, 0, covariance, reading.column[e], value[e])
+                total = white[c]
+                for e in range(value.shape[0]):
+                    if reading.row[e] == c:
+                        total += across[0, reading.column[e]] * value[e]
+                if not total > 0.0:
+                    raise np.linalg.LinAlgError("a covariance is not positive definite")
+                scale[t, c] = 1.0 / np.sqrt(total)
+                for i in range(d):
+                    across[0, i] *= scale[t, c]
+                    gain[t, i, c] = across[0, i]
+                for i in range(d):
+                    _add(covariance, i, across, 0, -across[0, i])
         _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
 
 
