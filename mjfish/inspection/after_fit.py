@@ -29,7 +29,7 @@ from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.fish.frames import CHANNELS
 from mjfish.inspection.finding import Finding, Inspection, changed
-from mjfish.inspection.nominal_simulation import labels, sampled_enough
+from mjfish.inspection.nominal_simulation import labels, sampled_enough, shifted
 from mjfish.noise import DifferentiationNoise, Noise
 from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
@@ -73,7 +73,10 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     for trial in trials:
         if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
-            found += clock(trial, _shifted(problem, clocked(trial, values), shared, offset), sigma)
+            when = SHIFTS * trial.step
+            predicted = shifted(problem.model, clocked(trial, values), shared, when, offset=offset)
+            if predicted is not None:
+                found += clock(trial, predicted, sigma)
     if not any(finding.trials for finding in found):
         found += differentiated(problem.noise)
     return found
@@ -95,28 +98,16 @@ def starts_on_bounds(fit: Fit) -> Iterator[Finding]:
             )
 
 
-def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: float) -> FloatArray:
-    """Return the prediction (shifts, n, 3) at the times of a trial, shifted by whole samples."""
-    rollout = problem.model.predict(trial, values, offset=offset).rollout
-    if rollout.status != "ok":
-        return np.full((len(SHIFTS), len(trial.time), 3), np.nan)
-    step = trial.step
-    when = problem.model.prepare(trial, values, offset=offset).time[None, :] + SHIFTS[:, None] * step
-    inside = np.clip(when, rollout.time[0], rollout.time[-1])
-    return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))
-
-
-def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Finding]:
+def clock(trial: Trial, predicted: FloatArray, sigma: FloatArray) -> Iterator[Finding]:
     """Find a jump or a drift of the clock.
 
     Args:
         trial: driven by a CPG.
-        shifted: (shifts, n, 3) simulated at trial.time + `SHIFTS` times the sampling interval.
+        predicted: (shifts, n, 3) simulated at trial.time + `SHIFTS` times the sampling interval.
         sigma: (3,) that misfits are divided by.
     """
-    misfit = np.sum(((trial.velocity - shifted) / sigma) ** 2, axis=2)
-    total = misfit.sum(axis=1)
-    n = misfit.shape[1]
+    misfit = np.sum(((trial.velocity - predicted) / sigma) ** 2, axis=2)
+    total, n = misfit.sum(axis=1), misfit.shape[1]
     side = max(int(_SIDE * n), 10)
     if n < 4 * side or not np.all(np.isfinite(total)) or total.min() < _FITS * n:
         return
@@ -124,14 +115,11 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
     after = total[:, None] - before
     joined = before.min(axis=0) + after.min(axis=0)
     at = int(np.argmin(joined))
-    first, second = int(np.argmin(before[:, at])), int(np.argmin(after[:, at]))
-    jump = int(SHIFTS[second] - SHIFTS[first])
-    constant = float(total.min())
+    jump = int(SHIFTS[np.argmin(after[:, at])] - SHIFTS[np.argmin(before[:, at])])
     drifting, ends = _drift(misfit)
-    if min(float(joined[at]), drifting) > SHARE * constant:
+    if min(float(joined[at]), drifting) > SHARE * float(total.min()):
         return
-    step = trial.step
-    when = float(trial.time[side + at])
+    when, step = float(trial.time[side + at]), trial.step
     if drifting < joined[at]:
         share = (SHIFTS[ends[1]] - SHIFTS[ends[0]]) * step / float(np.ptp(trial.time))
         yield Finding(

@@ -38,13 +38,10 @@ from mjfish.inspection.finding import Finding
 from mjfish.numerics.arrays import FloatArray
 
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.
-_HALF_WIDTH = 0.1
-_FEWEST = 5
+_HALF_WIDTH, _FEWEST = 0.1, 5
 #: Samples to either side over which central differences are tried; log-likelihood that they may lose to a free scale,
 #: and the share of the windows that is independent.
-_DIFFERENCES = (1, 2, 3)
-_AS_GOOD = 2.0
-_INDEPENDENT = 0.25
+_DIFFERENCES, _AS_GOOD, _INDEPENDENT = (1, 2, 3), 2.0, 0.25
 #: Standard errors by which pose and velocity must disagree, and the least disagreement that is reported.
 _SURE = 6.0
 _LEAST = {
@@ -53,8 +50,7 @@ _LEAST = {
 #: A factor of this size is a unit, not a calibration.
 _UNIT = 3.0
 #: Gauss-Newton rounds for the shift, and lags of the correlation of errors: windows overlap, and noise may be slow.
-_ROUNDS = 4
-_LAGS = 12
+_ROUNDS, _LAGS = 4, 12
 
 
 @dataclass(frozen=True)

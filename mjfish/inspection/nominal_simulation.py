@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.data import Trial
+from mjfish.data import Dataset, Trial
 from mjfish.data.validation import beats
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
@@ -44,8 +44,7 @@ _LONGEST = 4.0 * 3600.0
 #: Frequencies [Hz] between which recorded joints beat, of any fish.
 _PLAUSIBLE = (0.03, 30.0)
 #: By how much (of 3) a hypothesis must correlate better than the channels as they are, and how well at least.
-_MARGIN = 0.6
-_GOOD = 2.4
+_MARGIN, _GOOD = 0.6, 2.4
 #: Sizes, measured over simulated, of channels in another unit; a size must be this factor nearer to it than to 1.
 _UNITS = {
     1000.0: "it is in mm/s; multiply by 0.001",
@@ -58,16 +57,14 @@ _ANGULAR = {
     np.pi / 180.0: "it was turned into radians twice; multiply by 180/pi",
     1.0 / (2.0 * np.pi): "it is in turns a second; multiply by 2 pi",
 }
-#: A channel this many times larger or smaller than simulated is in another unit.
-_STRANGE = 12.0
-_NEAR_UNIT = 3.0
+#: A channel this many times larger or smaller than simulated is in another unit: that which is within this factor.
+_STRANGE, _NEAR_UNIT = 12.0, 3.0
 #: Smallest amplitude a.
 _LOW = 0.5
 #: Two runs are swapped where, crossed over, both cost less than this share of what they cost as they are.
 _SWAPPED = 0.5
 #: One run has the wrong label where its own drive costs this much, and another's this share of it.
-_FOREIGN = 0.4
-_SHARE = 0.25
+_FOREIGN, _SHARE = 0.4, 0.25
 #: Fewest beats from which a frequency is read.
 _BEATS = 5.0
 #: A run is under way at its start where its first samples have this share of the later speed.
@@ -109,10 +106,12 @@ def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -
     sets = [declared] if declared == starts else [declared, starts]
     sizes, correlations = dict[str, FloatArray](), dict[str, FloatArray]()
     for trial in trials:
-        guesses = [shifted for values in sets if (shifted := _guess(model, trial, values)) is not None]
+        start, blank = None if trial.starts_at_rest else trial.velocity[0], replace(trial, pose=None)
+        every = (shifted(model, blank, values, _CLOCK_SHIFTS, velocity=start) for values in sets)
+        guesses = [guess for guess in every if guess is not None]
         if not guesses:
             continue
-        unshifted = [shifted[len(_CLOCK_SHIFTS) // 2] for shifted in guesses]
+        unshifted = [guess[len(_CLOCK_SHIFTS) // 2] for guess in guesses]
         nearest = min(unshifted, key=lambda guess: float(np.sum((trial.velocity[:, 0] - guess[:, 0]) ** 2)))
         own = list(start_findings(trial, nearest, noise))
         found += own
@@ -125,14 +124,27 @@ def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -
     return found
 
 
-def _guess(model: Model, trial: Trial, values: Mapping[str, float]) -> FloatArray | None:
-    """Predict what a trial would have measured (s, n, 3) at trial.time + `_CLOCK_SHIFTS`; None after a divergence."""
-    start = None if trial.starts_at_rest else trial.velocity[0]
-    rollout = model.predict(replace(trial, pose=None), values, velocity=start).rollout
+def shifted(
+    model: Model,
+    trial: Trial,
+    values: Mapping[str, float],
+    by: FloatArray,
+    *,
+    velocity: FloatArray | None = None,
+    offset: float = 0.0,
+) -> FloatArray | None:
+    """Predict the velocities (s, n, 3) of a trial at its times shifted by some seconds (s,); None after a divergence.
+
+    Args:
+        model, trial, values, velocity, offset: as of `mjfish.Model.predict`.
+        by: shifts.
+    """
+    rollout = model.predict(trial, values, velocity=velocity, offset=offset).rollout
     if rollout.status != "ok":
         return None
-    inside = np.clip(trial.time + _CLOCK_SHIFTS[:, None], rollout.time[0], rollout.time[-1])
-    return np.stack([rollout.at(times)[:, :3] for times in inside])
+    when = model.prepare(trial, values, velocity=velocity, offset=offset).time + by[:, None]
+    inside = np.clip(when, rollout.time[0], rollout.time[-1])
+    return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))
 
 
 class Reading(NamedTuple):
@@ -158,9 +170,9 @@ def _scores(trial: Trial, guessed: Sequence[FloatArray]) -> FloatArray:
     """Return, for every reading, the sum of the three correlations with the best guess and clock; at most 3."""
     own = np.sqrt(np.sum(trial.velocity**2, axis=0)) + 1e-12
     found = []
-    for shifted in guessed:
-        theirs = np.sqrt(np.sum(shifted**2, axis=1)) + 1e-12
-        correlation = np.einsum("ta,stb->sab", trial.velocity, shifted) / own[:, None] / theirs[:, None, :]
+    for guess in guessed:
+        theirs = np.sqrt(np.sum(guess**2, axis=1)) + 1e-12
+        correlation = np.einsum("ta,stb->sab", trial.velocity, guess) / own[:, None] / theirs[:, None, :]
         found.append((correlation[:, _ORDERS, np.arange(3)] * _SIGNS).sum(axis=2).max(axis=0))
     return np.asarray(np.max(found, axis=0))
 
@@ -192,7 +204,7 @@ def signs(found: Mapping[str, FloatArray]) -> Iterator[Finding]:
             remedy,
             trials=() if everywhere else tuple(names),
             channels=channels,
-            corrected=partial(changed, changes=dict.fromkeys(names, partial(reread, **reading._asdict()))),
+            corrected=_rereading(names, *reading),
         )
 
 
@@ -215,8 +227,12 @@ def _misread(reading: Reading) -> tuple[tuple[str, ...], str, str]:
     return channels, ", and ".join(words), known.get(reading, " and ".join(remedies))
 
 
-def reread(trial: Trial, order: Sequence[int], factors: Sequence[float]) -> Trial:
-    """Return a trial with velocities that are read from other columns, then multiplied."""
+def _rereading(names: Iterable[str], order: Sequence[int], factors: Sequence[float]) -> Callable[[Dataset], Dataset]:
+    """Return what reads the velocities of some trials from other columns, then multiplies them."""
+    return partial(changed, changes=dict.fromkeys(names, partial(_reread, order=order, factors=factors)))
+
+
+def _reread(trial: Trial, order: Sequence[int], factors: Sequence[float]) -> Trial:
     return replace(trial, velocity=readonly(trial.velocity[:, [*order]] * factors))
 
 
@@ -233,25 +249,23 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             for trial, size in sizes.items()
             if not 1.0 / _STRANGE < size[channel] < _STRANGE and size[channel] > 0.0
         }
-        if not strange:
-            continue
-        size = float(np.median(list(strange.values())))
-        factor = min(known, key=lambda f: abs(np.log(size / f)))
-        scales = [1.0 / factor if other == name else 1.0 for other in CHANNELS]
-        scaled = partial(reread, order=range(3), factors=scales)
-        near = abs(np.log(size / factor)) < np.log(_NEAR_UNIT)
-        everywhere = len(strange) == len(sizes)
-        yield Finding(
-            "signs-unit",
-            "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
-            f"{'all trials' if everywhere else 'trial ' + ', '.join(strange)}, {name}",
-            f"it is {size:.3g} times as large as simulated",
-            f"a size within a factor of {_STRANGE:g}",
-            known[factor] if near else "check the unit and the drive",
-            trials=() if everywhere else tuple(strange),
-            channels=(name,),
-            corrected=partial(changed, changes=dict.fromkeys(strange, scaled)),
-        )
+        if strange:
+            size = float(np.median(list(strange.values())))
+            factor = min(known, key=lambda f: abs(np.log(size / f)))
+            near = abs(np.log(size / factor)) < np.log(_NEAR_UNIT)
+            everywhere = len(strange) == len(sizes)
+            factors = [1.0 / factor if other == name else 1.0 for other in CHANNELS]
+            yield Finding(
+                "signs-unit",
+                "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
+                f"{'all trials' if everywhere else 'trial ' + ', '.join(strange)}, {name}",
+                f"it is {size:.3g} times as large as simulated",
+                f"a size within a factor of {_STRANGE:g}",
+                known[factor] if near else "check the unit and the drive",
+                trials=() if everywhere else tuple(strange),
+                channels=(name,),
+                corrected=_rereading(strange, range(3), factors),
+            )
 
 
 def _size(trial: Trial, guessed: Sequence[FloatArray]) -> FloatArray:
@@ -356,24 +370,22 @@ def _crossed(table: FloatArray, own: NDArray[np.intp]) -> Iterator[tuple[float, 
 
 def _beats_otherwise(trial: Trial) -> Iterator[Finding]:
     """Find a run that beats at another frequency than its drive, where the drive has one and the run is long enough."""
-    omegas = {segment.omega for segment in trial.drive}
-    span = float(np.ptp(trial.time))
+    span, yaw_rate = float(np.ptp(trial.time)), trial.velocity[:, 2] - trial.velocity[:, 2].mean()
     frequency = np.arange(0.2, 0.4 / trial.step, 0.25 / span)
-    wave = np.exp(-2j * np.pi * frequency[:, None] * trial.time) @ (trial.velocity[:, 2] - trial.velocity[:, 2].mean())
+    wave = np.exp(-2j * np.pi * frequency[:, None] * trial.time) @ yaw_rate
     found, asked = float(frequency[np.argmax(np.abs(wave))]), float(trial.drive[0].omega / (2.0 * np.pi))
     # A tail that gives way may answer loudest at three times the beat.
     harmonic = abs(found - max(round(found / asked), 1) * asked) < 2.0 / span
-    if len(omegas) > 1 or harmonic or span * asked < _BEATS:
-        return
-    yield Finding(
-        "labels-beat",
-        "blocks",
-        f"trial '{trial.name}'",
-        f"the fish beats at {found:.2f} Hz, its drive at {asked:.2f} Hz",
-        "a fish that beats as it is driven",
-        "correct its drive or its file in dataset.toml",
-        trials=(trial.name,),
-    )
+    if len({segment.omega for segment in trial.drive}) == 1 and not harmonic and span * asked >= _BEATS:
+        yield Finding(
+            "labels-beat",
+            "blocks",
+            f"trial '{trial.name}'",
+            f"the fish beats at {found:.2f} Hz, its drive at {asked:.2f} Hz",
+            "a fish that beats as it is driven",
+            "correct its drive or its file in dataset.toml",
+            trials=(trial.name,),
+        )
 
 
 def resting(trial: Trial) -> FloatArray | None:
@@ -383,8 +395,8 @@ def resting(trial: Trial) -> FloatArray | None:
     """
     if trial.joint_angle is None:
         return None
-    span = np.ptp(trial.joint_angle, axis=0).max()
-    moved = np.abs(trial.joint_angle - trial.joint_angle[0]).max(axis=1) > 0.02 * span
+    angle = trial.joint_angle - trial.joint_angle[0]
+    moved = np.abs(angle).max(axis=1) > 0.02 * np.ptp(angle, axis=0).max()
     still = int(np.argmax(moved)) if moved.any() else len(moved)
     return trial.velocity[: still - 5] if still >= 30 else None
 
@@ -433,19 +445,19 @@ def time_units(trials: Sequence[Trial]) -> Iterator[Finding]:
     """Say which recorded joints beat at a frequency of no fish: their times are in another unit."""
     for factor, unit in ((0.001, "they are in ms"), (1000.0, "they are in s and were divided by 1000")):
         strange = [trial for trial in trials if not trial.drive and time_factor(trial) == factor]
-        if not strange:
-            continue
-        first, names = strange[0], tuple(trial.name for trial in strange)
-        everywhere = len(names) == len(trials)
-        yield Finding(
-            "sampling-unit",
-            "blocks",
-            f"{'all trials' if everywhere else 'trials ' + ', '.join(names)}, time",
-            f"the joints of '{first.name}' beat at {min(beats(first)):.3g} Hz, with a sample every {first.step:.3g} s",
-            f"a beat of {_PLAUSIBLE[0]:g} to {_PLAUSIBLE[1]:g} Hz",
-            f"{unit}: multiply the times by {factor:g}; the other findings take them so",
-            trials=() if everywhere else names,
-        )
+        if strange:
+            first, names = strange[0], tuple(trial.name for trial in strange)
+            everywhere = len(names) == len(trials)
+            yield Finding(
+                "sampling-unit",
+                "blocks",
+                f"{'all trials' if everywhere else 'trials ' + ', '.join(names)}, time",
+                f"the joints of '{first.name}' beat at {min(beats(first)):.3g} Hz, with a sample every "
+                f"{first.step:.3g} s",
+                f"a beat of {_PLAUSIBLE[0]:g} to {_PLAUSIBLE[1]:g} Hz",
+                f"{unit}: multiply the times by {factor:g}; the other findings take them so",
+                trials=() if everywhere else names,
+            )
 
 
 def sampling(trials: Sequence[Trial]) -> Iterator[Finding]:

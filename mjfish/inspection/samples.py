@@ -31,8 +31,7 @@ from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
 _JOINT_REACH = 3
 _JOINT_OFFSETS = np.array([k for k in range(-_JOINT_REACH, _JOINT_REACH + 1) if k != 0])
 #: A jump leaves more than this many sigma, of which normal noise leaves none, and this share of the joint's range.
-_JUMP_FAR = 7.0
-_JUMP_SMALL = 0.01
+_JUMP_FAR, _JUMP_SMALL = 7.0, 0.01
 #: Rows beside a jump that its angles reach.
 _JUMP_BESIDE = 2
 #: Fewest samples of which a standard deviation is taken.
@@ -135,14 +134,11 @@ _BEATS = 2.5
 _HUBER = 1.5
 #: Repeated values, or a far sample, that are less probable than this are a finding.
 _LEVEL = 1e-4
-#: Samples at an extreme value that make a clipped channel, and how many times more than at the next values.
-_CLIPPED = 4
-_PILE = 4.0
-_NEXT = 5
+#: Samples at an extreme value that make a clipped channel, and how many times more than at so many next values.
+_CLIPPED, _PILE, _NEXT = 4, 4.0, 5
 #: Blocks of so many rows in a row, and how many of them two trials may share to the last bit by chance: rows alone are
 #: shared by runs of one drive that were rounded.
-_BLOCK = 4
-_SHARED = 3
+_BLOCK, _SHARED = 4, 3
 #: Data whose noise is below this share of their range in every channel are simulated, or smoothed until none is left.
 _SILENT = 2e-4
 #: A row is loud beyond this many sigma in a channel; noise about two such rows is alike within this distance, in sigma.
@@ -452,8 +448,7 @@ def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], 
 def _student(values: FloatArray) -> tuple[float, float]:
     """Return degrees of freedom and scale of the Student t with the median and the 97.5 % point of |values|."""
     half, high = np.quantile(np.abs(values), [0.5, 0.975])
-    ratio = float(high / max(half, 1e-300))
     grid = np.concatenate([np.arange(1.0, 5.0, 0.25), np.arange(5.0, 31.0), [100.0]])
     ratios = stats.t.ppf(0.9875, grid) / stats.t.ppf(0.75, grid)
-    degrees_of_freedom = float(np.interp(-ratio, -ratios, grid))
+    degrees_of_freedom = float(np.interp(-high / max(half, 1e-300), -ratios, grid))
     return degrees_of_freedom, float(half / stats.t.ppf(0.75, degrees_of_freedom))
