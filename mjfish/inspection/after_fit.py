@@ -34,7 +34,7 @@ from mjfish.noise import DifferentiationNoise, Noise
 from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
-SHIFTS = np.arange(-6, 13)
+SHIFTS = np.arange(-6.0, 13.0)
 #: A changing shift must leave less than this share of the misfit that a constant one leaves.
 SHARE = 0.6
 #: A run whose mean square, all three channels together, is below this one in units of sigma is on time.

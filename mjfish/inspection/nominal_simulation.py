@@ -36,7 +36,7 @@ from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Clock shifts that are tried [s]: a late servo or clock must not look like a wrong sign, nor half a beat like none.
-_CLOCK_SHIFTS = np.arange(-6, 7) * 0.01
+_CLOCK_SHIFTS = 0.01 * np.arange(-6.0, 7.0)
 #: Fewest samples a beat in which a motion can be recognised.
 _SAMPLES_A_BEAT = 5.0
 #: A run of a CPG that lasts longer than this [s] is not simulated.

@@ -113,7 +113,7 @@ def _differences(group: Sequence[Trial], free_clock: bool) -> _Group | None:
     if not aligned or len(common) < _FEWEST // 2:
         return None
     values = np.stack([t.velocity[np.searchsorted(c, common)] for t, c in zip(group, cells, strict=True)])
-    time, mean = common * step, values.mean(axis=0)
+    time, mean = np.asarray(common * step, dtype=np.float64), values.mean(axis=0)
     apart = values - mean
     if free_clock:
         slope = np.gradient(mean, time, axis=0)

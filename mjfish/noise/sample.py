@@ -39,8 +39,8 @@ class NoiseSample:
         residuals: (n_r, 3) per trial, in physical units.
         scale: (3,) sigma by which channels were weighed when the columns were taken out.
         span: (n_r, 3, k) per trial, what was taken out of all; as columns divided by `scale`, orthonormal.
-        apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those; columns that
-            only the likelihood leaves out of it are none of these two.
+        apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those; beside it, of
+            `without_trial_shapes`, what the likelihood alone leaves out.
         lost: degrees of freedom per channel that it took.
         shapes: per trial, returns functions (n_r, 3, m) that the residuals of all trials may share if something is
             wrong; they are many.
