@@ -29,7 +29,8 @@ from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.fish.frames import CHANNELS
 from mjfish.inspection.finding import Finding, Inspection, changed
-from mjfish.inspection.nominal_simulation import labels, sampled_enough, shifted
+from mjfish.inspection.nominal_simulation import labels, shifted
+from mjfish.inspection.sampling import sampled_enough
 from mjfish.noise import DifferentiationNoise, Noise
 from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
@@ -200,16 +201,15 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
     for row in np.flatnonzero(asked):
         t = deviations[row] / np.sqrt(left[row])
-        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
-            continue
-        p = problem.parameters[problem.with_priors[row]]
-        alone = p.at_deviation(float(deviations[row] / left[row]))
-        yield Finding(
-            code="far-from-known",
-            severity="suspect",
-            place=p.name,
-            found=f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
-            expected=f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
-            remedy="measure it again, give it a larger sd, or look for a cause that it makes up for",
-            trials=tuple(filter(None, [p.name.rpartition(":")[0]])),
-        )
+        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) < _LEVEL:
+            p = problem.parameters[problem.with_priors[row]]
+            alone = p.at_deviation(float(deviations[row] / left[row]))
+            yield Finding(
+                "far-from-known",
+                "suspect",
+                p.name,
+                f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
+                f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
+                "measure it again, give it a larger sd, or look for a cause that it makes up for",
+                trials=tuple(filter(None, [p.name.rpartition(":")[0]])),
+            )

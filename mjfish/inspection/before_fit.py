@@ -18,13 +18,15 @@ from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
 from mjfish.files.result import Result
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
+from mjfish.inspection.joint_jumps import unresolved
 from mjfish.inspection.kinematics import compatibility, disagreements
+from mjfish.inspection.nominal_simulation import against_simulation
 from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
 from mjfish.inspection.runs import missing_runs
-from mjfish.inspection.samples import copies, interpolated, outliers, stuck, unresolved
+from mjfish.inspection.samples import copies, interpolated, outliers, stuck
+from mjfish.inspection.sampling import coarse, retimed, sampled_enough, time_factor, time_units
 
 
 def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:
@@ -56,7 +58,7 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     known = catalogue(effects)
     complete, others = ([trial for trial in dataset.trials if trial.measured.all() == whole] for whole in (True, False))
     beside = [
-        *nominal.time_units(others),
+        *time_units(others),
         *pose_findings(dataset),
         *(one for trial in others for one in unresolved(trial)),
     ]
@@ -65,33 +67,31 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     read = aligned(replace(dataset, trials=tuple(complete))).trials
     found = [finding for trial in read for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
-    found += nominal.sampling([trial for trial in read if trial.name not in silent])
-    found += [*nominal.time_units(read), *wave_frequencies(complete)]
+    found += coarse([trial for trial in read if trial.name not in silent])
+    found += [*time_units(read), *wave_frequencies(complete)]
     # Other units show only where the times are right.
-    retimed = {trial.name: nominal.retimed(trial, nominal.time_factor(trial)) for trial in read}
-    trials = [trial for name, trial in retimed.items() if name not in silent]
-    fine = [trial for trial in trials if nominal.sampled_enough(trial)]
+    timed = {trial.name: retimed(trial, time_factor(trial)) for trial in read}
+    trials = [trial for name, trial in timed.items() if name not in silent]
+    fine = [trial for trial in trials if sampled_enough(trial)]
     lines = [line for line in map(interpolated, fine) if line is not None]
     noise = np.median([line.noise for line in lines], axis=0) if lines else np.zeros(3)
     found += [finding for trial in trials for finding in unresolved(trial)]
     found += copies(trials, [trial.name for trial in dataset.split()[1]], noise, lines)
-    found += nominal.against_simulation(dataset.fish, fine, noise)
+    found += against_simulation(dataset.fish, fine, noise)
     harmless = ("copies", "joints", "sampling")
     misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
-    if pair is not None:
-        found += disagreements(pair)
+    found += [] if pair is None else disagreements(pair)
     spoiled = {
         name
         for finding in found
         if finding.severity == "blocks" or finding.code.startswith("copies")
         for name in finding.trials
     }
-    repeats = noise_from_repeats(replace(dataset, trials=tuple(retimed.values())), leave_out=spoiled)
-    if repeats is not None:
-        found += repeat_findings(repeats)
-    every = replace(dataset, trials=tuple(retimed.get(trial.name, trial) for trial in dataset.trials))
+    repeats = noise_from_repeats(replace(dataset, trials=tuple(timed.values())), leave_out=spoiled)
+    found += [] if repeats is None else repeat_findings(repeats)
+    every = replace(dataset, trials=tuple(timed.get(trial.name, trial) for trial in dataset.trials))
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
 

@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.validation import beats
 from mjfish.drive.cpg import DriveSegment
 from mjfish.fish import Fish
 from mjfish.fish.frames import CHANNELS, UNITS
@@ -37,12 +36,6 @@ from mjfish.numerics.arrays import FloatArray, readonly
 
 #: Clock shifts that are tried [s]: a late servo or clock must not look like a wrong sign, nor half a beat like none.
 _CLOCK_SHIFTS = 0.01 * np.arange(-6.0, 7.0)
-#: Fewest samples a beat in which a motion can be recognised.
-_SAMPLES_A_BEAT = 5.0
-#: A run of a CPG that lasts longer than this [s] is not simulated.
-_LONGEST = 4.0 * 3600.0
-#: Frequencies [Hz] between which recorded joints beat, of any fish.
-_PLAUSIBLE = (0.03, 30.0)
 #: By how much (of 3) a hypothesis must correlate better than the channels as they are, and how well at least.
 _MARGIN, _GOOD = 0.6, 2.4
 #: Sizes, measured over simulated, of channels in another unit; a size must be this factor nearer to it than to 1.
@@ -69,28 +62,6 @@ _FOREIGN, _SHARE = 0.4, 0.25
 _BEATS = 5.0
 #: A run is under way at its start where its first samples have this share of the later speed.
 _MOVING = 0.5
-
-
-def sampled_enough(trial: Trial) -> bool:
-    """Whether a CPG-driven trial has enough samples a beat, and not too long a time to simulate."""
-    if not trial.drive:
-        return True
-    beat = 2.0 * np.pi / max(segment.omega for segment in trial.drive)
-    return bool(trial.step * _SAMPLES_A_BEAT < beat and trial.time[-1] < _LONGEST)
-
-
-def time_factor(trial: Trial) -> float:
-    """Return by what the times must be multiplied to be in s: 0.001 or 1000 where only that is plausible, else 1."""
-    if trial.drive:
-        return 1.0 if sampled_enough(trial) or not sampled_enough(retimed(trial, 0.001)) else 0.001
-    frequency = min(beats(trial), default=1.0) if trial.joint_angle is not None else 1.0
-    low, high = _PLAUSIBLE
-    return next((factor for factor in (1.0, 0.001, 1000.0) if low < frequency / factor < high), 1.0)
-
-
-def retimed(trial: Trial, factor: float) -> Trial:
-    """Return the trial with its times multiplied, without its sensors, which have clocks of their own."""
-    return trial if factor == 1.0 else replace(trial, time=readonly(factor * trial.time), sensors=())
 
 
 def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
@@ -438,40 +409,4 @@ def start_findings(trial: Trial, guess: FloatArray, noise: FloatArray) -> Iterat
             "a start from rest at 0 s, as every run that a CPG drives has",
             "give the recording from the start of the drive, or measured joint angles",
             trials=(trial.name,),
-        )
-
-
-def time_units(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Say which recorded joints beat at a frequency of no fish: their times are in another unit."""
-    for factor, unit in ((0.001, "they are in ms"), (1000.0, "they are in s and were divided by 1000")):
-        strange = [trial for trial in trials if not trial.drive and time_factor(trial) == factor]
-        if strange:
-            first, names = strange[0], tuple(trial.name for trial in strange)
-            everywhere = len(names) == len(trials)
-            yield Finding(
-                "sampling-unit",
-                "blocks",
-                f"{'all trials' if everywhere else 'trials ' + ', '.join(names)}, time",
-                f"the joints of '{first.name}' beat at {min(beats(first)):.3g} Hz, with a sample every "
-                f"{first.step:.3g} s",
-                f"a beat of {_PLAUSIBLE[0]:g} to {_PLAUSIBLE[1]:g} Hz",
-                f"{unit}: multiply the times by {factor:g}; the other findings take them so",
-                trials=() if everywhere else names,
-            )
-
-
-def sampling(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Say which runs are sampled too coarsely, or have times in another unit."""
-    coarse = [trial for trial in trials if not sampled_enough(trial)]
-    if coarse:
-        first, names = coarse[0], tuple(trial.name for trial in coarse)
-        samples = 2.0 * math.pi / max(segment.omega for segment in first.drive) / first.step
-        yield Finding(
-            "sampling-coarse",
-            "blocks",
-            f"{'all trials' if len(coarse) == len(trials) else 'trials ' + ', '.join(names)}, time",
-            f"'{first.name}' has a sample every {first.step:.4g} s, {samples:.2g} a beat, for {first.time[-1]:.4g} s",
-            "5 samples a beat or more, and hours at most",
-            "multiply the times by 0.001 if they are in ms; else record faster",
-            trials=names,
         )

@@ -115,13 +115,6 @@ def test_noise_is_whitened_from_the_first_sample_on_and_over_gaps(
         assert np.all(np.abs(product) < 5.0 / np.sqrt(count) + 0.01), lag
 
 
-def test_the_kalman_filter_is_the_recursion_where_the_past_is_known() -> None:
-    block = _coloured(np.random.default_rng(1), 300)
-    exact = COLOURED.whiten(_trial(300), np.ones(300, dtype=np.bool_), block)
-    lagged = sum(COLOURED.phi[:, k] * block[1 - k : 299 - k] for k in range(2))
-    np.testing.assert_allclose(exact[2:], (block[2:] - lagged) / SIGMA, rtol=0.0, atol=1e-12)
-
-
 @pytest.mark.parametrize("noise", [COLOURED, DRIFTING, ROUGH, PUSHED], ids=["ar", "drift", "differentiated", "forces"])
 def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
     """Whitening is a triangular matrix L^-1: log det of the covariance is -2 sum log of its diagonal."""
