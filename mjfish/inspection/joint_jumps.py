@@ -1,8 +1,9 @@
 """Measured joint angles that jump: at a start, or where the drive changes at once.
 
 They move faster than their samples resolve. The motion between samples is a spline (`mjfish.drive.measured`). It is
-right where every sample follows from those beside it. Each one is predicted by the polynomial through its six neighbours, three to either side; of a beat with ten
-samples or more, that leaves less than the noise does. Where an angle or its rate jumps, the error stands far above.
+right where every sample follows from those beside it. Each one is predicted by the polynomial through its six
+neighbours, three to either side; of a beat with ten samples or more, that leaves less than the noise does. Where an
+angle or its rate jumps, the error stands far above.
 """
 
 from __future__ import annotations
