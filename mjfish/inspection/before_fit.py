@@ -82,7 +82,8 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
-    found += [] if pair is None else disagreements(pair)
+    if pair is not None:
+        found += disagreements(pair)
     spoiled = {
         name
         for finding in found
@@ -90,7 +91,8 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
         for name in finding.trials
     }
     repeats = noise_from_repeats(replace(dataset, trials=tuple(timed.values())), leave_out=spoiled)
-    found += [] if repeats is None else repeat_findings(repeats)
+    if repeats is not None:
+        found += repeat_findings(repeats)
     every = replace(dataset, trials=tuple(timed.get(trial.name, trial) for trial in dataset.trials))
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
