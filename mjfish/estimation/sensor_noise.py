@@ -173,18 +173,18 @@ class JointErrors:
             counted: (n, m) which samples there are.
         """
         (n, m), d = counted.shape, len(self.start)
-        spread = np.where(counted, sigma**2, 1.0)[:, :, None] * np.eye(m)
+        spread = np.where(counted, sigma**2, 1.0)
         used = reading._replace(value=reading.value * counted[:, reading.row])  # what is missing tells nothing
-        gain, root, covariance, total = np.zeros((n, d, m), _KEPT), np.zeros((n, m, m)), self.start.copy(), 0.0
+        gain, scale, covariance = np.zeros((n, d, m), _KEPT), np.zeros((n, m)), self.start.copy()
         alone, unmeasured = np.zeros((n, m)), self.start.copy()
         row, column = Sparse.places(self._moving())
         moves = Sparse(row, column, np.zeros((n, len(row)), _KEPT), (d, d))
         for here, transition, drive in self.stretches():
             exact, seen = moves._replace(value=transition[:, row, column]), np.ones(len(drive), dtype=np.bool_)
             moves.value[here] = exact.value
-            total += advance(exact, drive, used.part(here), spread[here], covariance, seen, gain[here], root[here])
+            advance(exact, drive, used.part(here), spread[here], covariance, seen, gain[here], scale[here])
             variances(exact, drive, unmeasured, reading.part(here), alone[here])
-        return Gains(moves, reading, gain, root, total), alone
+        return Gains(moves, reading, gain, scale), alone
 
     def _moving(self) -> BoolArray:
         """Return where transitions (d, d) may not be zero."""

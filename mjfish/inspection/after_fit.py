@@ -17,6 +17,7 @@ is standard normal where both are right: the deleted residual of linear regressi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,13 +28,14 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection.finding import Finding, Inspection, resumed
-from mjfish.inspection.nominal_simulation import costs, labels, sampled_enough
+from mjfish.inspection.finding import Finding, Inspection, changed
+from mjfish.inspection.nominal_simulation import labels, shifted
+from mjfish.inspection.sampling import sampled_enough
 from mjfish.noise import DifferentiationNoise, Noise
-from mjfish.numerics.arrays import FloatArray, robust_sigma
+from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
-SHIFTS = np.arange(-6, 13)
+SHIFTS = np.arange(-6.0, 13.0)
 #: A changing shift must leave less than this share of the misfit that a constant one leaves.
 SHARE = 0.6
 #: A run whose mean square, all three channels together, is below this one in units of sigma is on time.
@@ -67,12 +69,15 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     shared = {p.name: values[p.name] for p in problem.model.parameters}
     sigma = np.median([robust_sigma(r) for r in problem.raw(fit.x)], axis=0) + 1e-12
     trials = [trial for trial in (*problem.trials, *held) if trial.drive and sampled_enough(trial)]
-    found = _labels(problem, trials, shared, sigma)
+    found = list(labels(problem.model, trials, [shared], sigma))
     wrong = {name for finding in found for name in finding.trials}
     for trial in trials:
         if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
-            found += clock(trial, _shifted(problem, clocked(trial, values), shared, offset), sigma)
+            when = SHIFTS * trial.step
+            predicted = shifted(problem.model, clocked(trial, values), shared, when, offset=offset)
+            if predicted is not None:
+                found += clock(trial, predicted, sigma)
     if not any(finding.trials for finding in found):
         found += differentiated(problem.noise)
     return found
@@ -94,35 +99,16 @@ def starts_on_bounds(fit: Fit) -> Iterator[Finding]:
             )
 
 
-def _labels(problem: Problem, trials: Sequence[Trial], values: dict[str, float], sigma: FloatArray) -> list[Finding]:
-    drives = list(dict.fromkeys(trial.drive for trial in trials))
-    if len(drives) < 2:
-        return []
-    return list(labels(trials, drives, costs(problem.model, trials, drives, values, sigma=sigma), fitted=True))
-
-
-def _shifted(problem: Problem, trial: Trial, values: dict[str, float], offset: float) -> FloatArray:
-    """Return the prediction (shifts, n, 3) at the times of a trial, shifted by whole samples."""
-    rollout = problem.model.predict(trial, values, offset=offset).rollout
-    if rollout.status != "ok":
-        return np.full((len(SHIFTS), len(trial.time), 3), np.nan)
-    step = trial.step
-    when = problem.model.prepare(trial, values, offset=offset).time[None, :] + SHIFTS[:, None] * step
-    inside = np.clip(when, rollout.time[0], rollout.time[-1])
-    return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))
-
-
-def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Finding]:
+def clock(trial: Trial, predicted: FloatArray, sigma: FloatArray) -> Iterator[Finding]:
     """Find a jump or a drift of the clock.
 
     Args:
         trial: driven by a CPG.
-        shifted: (shifts, n, 3) simulated at trial.time + `SHIFTS` times the sampling interval.
+        predicted: (shifts, n, 3) simulated at trial.time + `SHIFTS` times the sampling interval.
         sigma: (3,) that misfits are divided by.
     """
-    misfit = np.sum(((trial.velocity - shifted) / sigma) ** 2, axis=2)
-    total = misfit.sum(axis=1)
-    n = misfit.shape[1]
+    misfit = np.sum(((trial.velocity - predicted) / sigma) ** 2, axis=2)
+    total, n = misfit.sum(axis=1), misfit.shape[1]
     side = max(int(_SIDE * n), 10)
     if n < 4 * side or not np.all(np.isfinite(total)) or total.min() < _FITS * n:
         return
@@ -130,14 +116,11 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
     after = total[:, None] - before
     joined = before.min(axis=0) + after.min(axis=0)
     at = int(np.argmin(joined))
-    first, second = int(np.argmin(before[:, at])), int(np.argmin(after[:, at]))
-    jump = int(SHIFTS[second] - SHIFTS[first])
-    constant = float(total.min())
+    jump = int(SHIFTS[np.argmin(after[:, at])] - SHIFTS[np.argmin(before[:, at])])
     drifting, ends = _drift(misfit)
-    if min(float(joined[at]), drifting) > SHARE * constant:
+    if min(float(joined[at]), drifting) > SHARE * float(total.min()):
         return
-    step = trial.step
-    when = float(trial.time[side + at])
+    when, step = float(trial.time[side + at]), trial.step
     if drifting < joined[at]:
         share = (SHIFTS[ends[1]] - SHIFTS[ends[0]]) * step / float(np.ptp(trial.time))
         yield Finding(
@@ -150,6 +133,7 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
             trials=(trial.name,),
         )
     elif jump:
+        resumed = partial(_resumed, at=when, by=jump * step)
         what = f"{jump} frames were lost" if jump > 0 else f"{-jump} frames were counted twice"
         yield Finding(
             "clock-jump",
@@ -160,24 +144,26 @@ def clock(trial: Trial, shifted: FloatArray, sigma: FloatArray) -> Iterator[Find
             "times that go on evenly with the command",
             "number the frames by their time stamps and say gaps = true, or cut the run there",
             trials=(trial.name,),
-            corrected=partial(resumed, name=trial.name, at=when, by=jump * step) if jump > 0 else None,
+            corrected=partial(changed, changes={trial.name: resumed}) if jump > 0 else None,
         )
+
+
+def _resumed(trial: Trial, at: float, by: float) -> Trial:
+    """Return a trial in which frames were lost: its samples after a time [s] are later by `by`."""
+    return replace(trial, time=readonly(trial.time + by * (trial.time > at)), gaps=True)
 
 
 def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
     """Return the least misfit with a shift that goes evenly from one to another, and the two (indices)."""
     shifts, n = misfit.shape
     share = np.linspace(0.0, 1.0, n)
-    best, ends = np.inf, (0, 0)
-    for a in range(shifts):
-        for b in range(shifts):
-            if abs(a - b) < 2:
-                continue
-            at = np.rint(a + (b - a) * share).astype(np.intp)
-            here = float(misfit[at, np.arange(n)].sum())
-            if here < best:
-                best, ends = here, (a, b)
-    return best, ends
+
+    def left(ends: tuple[int, int]) -> float:
+        at = np.rint(ends[0] + (ends[1] - ends[0]) * share).astype(np.intp)
+        return float(misfit[at, np.arange(n)].sum())
+
+    best = min(((a, b) for a in range(shifts) for b in range(shifts) if abs(a - b) > 1), key=left)
+    return left(best), best
 
 
 def differentiated(noise: Noise) -> Iterator[Finding]:
@@ -215,16 +201,15 @@ def contradicted(problem: Problem, fit: Fit) -> Iterator[Finding]:
     asked = np.array(told, dtype=np.bool_) & (left > 1.0 - _UNSEEN)
     for row in np.flatnonzero(asked):
         t = deviations[row] / np.sqrt(left[row])
-        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) >= _LEVEL:
-            continue
-        p = problem.parameters[problem.with_priors[row]]
-        alone = p.at_deviation(float(deviations[row] / left[row]))
-        yield Finding(
-            code="far-from-known",
-            severity="suspect",
-            place=p.name,
-            found=f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
-            expected=f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
-            remedy="measure it again, give it a larger sd, or look for a cause that it makes up for",
-            trials=tuple(filter(None, [p.name.rpartition(":")[0]])),
-        )
+        if 2.0 * stats.norm.sf(abs(t)) * np.count_nonzero(asked) < _LEVEL:
+            p = problem.parameters[problem.with_priors[row]]
+            alone = p.at_deviation(float(deviations[row] / left[row]))
+            yield Finding(
+                "far-from-known",
+                "suspect",
+                p.name,
+                f"the data alone put it at {min(max(alone, p.low), p.high):.3g} {p.unit}".removesuffix(" -"),
+                f"{p.expected:.3g} with an sd of {p.sd:.2g} ({abs(t):.1f} sd away)",
+                "measure it again, give it a larger sd, or look for a cause that it makes up for",
+                trials=tuple(filter(None, [p.name.rpartition(":")[0]])),
+            )

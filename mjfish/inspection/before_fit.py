@@ -18,16 +18,15 @@ from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
 from mjfish.files.result import Result
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection import nominal_simulation as nominal
 from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
+from mjfish.inspection.joint_jumps import unresolved
 from mjfish.inspection.kinematics import compatibility, disagreements
-from mjfish.inspection.nominal_simulation import Drive
+from mjfish.inspection.nominal_simulation import against_simulation
 from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
 from mjfish.inspection.runs import missing_runs
-from mjfish.inspection.samples import copies, interpolated, outliers, pooled, stuck, unresolved
-from mjfish.model import Model
-from mjfish.numerics.arrays import FloatArray
+from mjfish.inspection.samples import copies, interpolated, outliers, stuck
+from mjfish.inspection.sampling import coarse, retimed, sampled_enough, time_factor, time_units
 
 
 def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:
@@ -57,31 +56,28 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     if not isinstance(dataset, Dataset):
         dataset = load_dataset(dataset)
     known = catalogue(effects)
-    complete = tuple(trial for trial in dataset.trials if trial.measured.all())
-    others = [trial for trial in dataset.trials if not trial.measured.all()]
-    beside = [*nominal.time_units(others, {trial.name: nominal.time_factor(trial) for trial in others})]
-    beside += [*pose_findings(dataset), *(finding for trial in others for finding in unresolved(trial))]
+    complete, others = ([trial for trial in dataset.trials if trial.measured.all() == whole] for whole in (True, False))
+    beside = [
+        *time_units(others),
+        *pose_findings(dataset),
+        *(one for trial in others for one in unresolved(trial)),
+    ]
     if not complete:
         return Inspection.of([*beside, *missing_runs(dataset, known)], known)
-    whole, dataset = dataset, replace(dataset, trials=complete)
-    frequencies, dataset = list(wave_frequencies(dataset.trials)), aligned(dataset)
-    held = [trial.name for trial in whole.split()[1]]
-    found = [finding for trial in dataset.trials for finding in stuck(trial)]
+    read = aligned(replace(dataset, trials=tuple(complete))).trials
+    found = [finding for trial in read for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
-    trials = [trial for trial in dataset.trials if trial.name not in silent]
-    found += nominal.sampling(trials, [nominal.sampled_enough(trial) for trial in trials])
-    factors = {trial.name: nominal.time_factor(trial) for trial in dataset.trials}
-    found += nominal.time_units(trials, factors)
+    found += coarse([trial for trial in read if trial.name not in silent])
+    found += [*time_units(read), *wave_frequencies(complete)]
     # Other units show only where the times are right.
-    trials = [nominal.retimed(trial, factors[trial.name]) for trial in trials]
-    dataset = replace(dataset, trials=tuple(nominal.retimed(trial, factors[trial.name]) for trial in dataset.trials))
-    fine = [trial for trial in trials if nominal.sampled_enough(trial)]
+    timed = {trial.name: retimed(trial, time_factor(trial)) for trial in read}
+    trials = [trial for name, trial in timed.items() if name not in silent]
+    fine = [trial for trial in trials if sampled_enough(trial)]
     lines = [line for line in map(interpolated, fine) if line is not None]
-    noise = pooled(lines)
-    found += frequencies
+    noise = np.median([line.noise for line in lines], axis=0) if lines else np.zeros(3)
     found += [finding for trial in trials for finding in unresolved(trial)]
-    found += copies(trials, held, noise, lines)
-    found += _against_simulation(dataset, fine, noise)
+    found += copies(trials, [trial.name for trial in dataset.split()[1]], noise, lines)
+    found += against_simulation(dataset.fish, fine, noise)
     harmless = ("copies", "joints", "sampling")
     misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
@@ -94,68 +90,27 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
         if finding.severity == "blocks" or finding.code.startswith("copies")
         for name in finding.trials
     }
-    repeats = noise_from_repeats(dataset, leave_out=sorted(spoiled))
+    repeats = noise_from_repeats(replace(dataset, trials=tuple(timed.values())), leave_out=spoiled)
     if repeats is not None:
         found += repeat_findings(repeats)
-    retimed = {trial.name: trial for trial in dataset.trials}
-    every = replace(whole, trials=tuple(retimed.get(trial.name, trial) for trial in whole.trials))
+    every = replace(dataset, trials=tuple(timed.get(trial.name, trial) for trial in dataset.trials))
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
-
-
-def _against_simulation(dataset: Dataset, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
-    """Hold trials against the nominal simulation: units, signs, labels, starts."""
-    model = Model(dataset.fish)
-    sets = nominal.value_sets(dataset.fish)
-    found: list[Finding] = []
-    sizes: dict[str, FloatArray] = {}
-    scores: dict[str, dict[nominal.Reading, float]] = {}
-    kept = []
-    for trial in trials:
-        every = [nominal.guess(model, trial, values) for values in sets]
-        guesses = [shifted for shifted in every if shifted is not None]
-        if not guesses:
-            continue
-        apart = [np.sum((trial.velocity[:, 0] - nominal.unshifted(shifted)[:, 0]) ** 2) for shifted in guesses]
-        starts = list(nominal.start_findings(trial, nominal.unshifted(guesses[int(np.argmin(apart))]), noise))
-        found += starts
-        if any(finding.severity == "blocks" for finding in starts):
-            continue
-        sizes[trial.name] = nominal.size(trial, guesses)
-        scores[trial.name] = nominal.scores(trial, guesses)
-        kept.append(trial)
-    turned = [*nominal.units(sizes), *nominal.signs(scores)]
-    found += turned
-    if turned:  # a run that is read wrongly has no label to speak of
-        return found
-    trials = kept
-    drives = list(dict.fromkeys(trial.drive for trial in trials if trial.drive))
-    if drives:
-        tables = [nominal.costs(model, trials, drives, values) for values in sets]
-        own = [_own_cost(trials, drives, table) for table in tables]
-        found += nominal.labels(trials, drives, tables[int(np.argmin(own))])
-    return found
-
-
-def _own_cost(trials: Sequence[Trial], drives: Sequence[Drive], table: FloatArray) -> float:
-    own = [table[i, drives.index(trial.drive)] for i, trial in enumerate(trials) if trial.drive]
-    return float(np.sum(own))
 
 
 def wave_frequencies(trials: Sequence[Trial]) -> Iterator[Finding]:
     """Yield a finding for every wave of its own clock that the fish beats faster or slower than."""
     for trial in trials:
         found = beat(trial)
-        if trial.wave is None or found is None:
-            continue
-        yield Finding(
-            code="wave-frequency",
-            severity="suspect",
-            place=f"trial {trial.name}",
-            found=f"the frequency of the drive is {trial.wave.frequency:.3g} Hz, the fish beats at {found:.3g} Hz",
-            expected="the same frequency",
-            remedy="correct the frequency of the drive; meanwhile it is taken to be that of the beat",
-            trials=(trial.name,),
-        )
+        if trial.wave is not None and found is not None:
+            yield Finding(
+                "wave-frequency",
+                "suspect",
+                f"trial {trial.name}",
+                f"the frequency of the drive is {trial.wave.frequency:.3g} Hz, the fish beats at {found:.3g} Hz",
+                "the same frequency",
+                "correct the frequency of the drive; meanwhile it is taken to be that of the beat",
+                trials=(trial.name,),
+            )
 
 
 #: Of the JSON.

@@ -5,16 +5,14 @@ And datasets as they would be if what a finding says of them were true.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from mjfish.data import Dataset, Trial
-from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect
 from mjfish.files.plain_data import fields_of, unsaved
 from mjfish.files.result import Result
-from mjfish.numerics.arrays import FloatArray, readonly
 
 if TYPE_CHECKING:
     from mjfish.inspection.kinematics import Compatibility
@@ -67,39 +65,11 @@ class Finding:
         return {**fields_of(self), "message": self.message}
 
 
-def reread(dataset: Dataset, trials: Sequence[str], order: Sequence[int], factors: FloatArray) -> Dataset:
-    """Return the dataset with the velocities of some trials read from other columns, then multiplied.
-
-    Args:
-        dataset: as it was recorded.
-        trials: names of those that are concerned.
-        order: (3,) the column that each channel is in.
-        factors: (3,) of each channel.
-    """
-
-    def of(trial: Trial) -> Trial:
-        return replace(trial, velocity=readonly(trial.velocity[:, [*order]] * factors))
-
-    return _changed(dataset, {trial.name: of(trial) for trial in dataset.trials if trial.name in trials})
+def changed(dataset: Dataset, changes: Mapping[str, Callable[[Trial], Trial]]) -> Dataset:
+    """Return the dataset with some of its trials changed, by name."""
+    return replace(dataset, trials=tuple(changes[t.name](t) if t.name in changes else t for t in dataset.trials))
 
 
-def redriven(dataset: Dataset, drives: Mapping[str, tuple[DriveSegment, ...]]) -> Dataset:
-    """Return the dataset with other drives of some trials, by name."""
-    return _changed(dataset, {t.name: replace(t, drive=drives[t.name]) for t in dataset.trials if t.name in drives})
-
-
-def resumed(dataset: Dataset, name: str, at: float, by: float) -> Dataset:
-    """Return the dataset with a trial in which frames were lost: its samples after a time [s] are later by `by`."""
-    trial = next(trial for trial in dataset.trials if trial.name == name)
-    return _changed(dataset, {name: replace(trial, time=readonly(trial.time + by * (trial.time > at)), gaps=True)})
-
-
-def _changed(dataset: Dataset, trials: Mapping[str, Trial]) -> Dataset:
-    return replace(dataset, trials=tuple(trials.get(trial.name, trial) for trial in dataset.trials))
-
-
-#: Findings that leave no cause to be told, though they do not block.
-_HIDES_ALL = ("design-one-run",)
 #: What is looked at, where the channels for it were measured.
 _TESTED = (
     "mjfish.inspect looks at signs, units, labels, clocks, sampling, starts, copies, outliers, joints, places, repeats "
@@ -170,7 +140,7 @@ class Inspection(Result):
 
 
 def _concerned(finding: Finding, effects: Mapping[str, Effect]) -> tuple[str, ...]:
-    if finding.severity == "blocks" or finding.code in _HIDES_ALL:
+    if finding.severity == "blocks" or finding.code == "design-one-run":  # it leaves no cause to be told either
         return (EVERYTHING,)
     return tuple(sorted(name for name, effect in effects.items() if effect.unclear_under(finding.code)))
 

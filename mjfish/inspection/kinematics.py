@@ -22,11 +22,12 @@ scale is the same at all frequencies.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from mjfish.data import Trial
@@ -37,13 +38,10 @@ from mjfish.inspection.finding import Finding
 from mjfish.numerics.arrays import FloatArray
 
 #: Half the width of a test function [s], and at least this many samples: shorter than half a beat of any fish.
-_HALF_WIDTH = 0.1
-_FEWEST = 5
+_HALF_WIDTH, _FEWEST = 0.1, 5
 #: Samples to either side over which central differences are tried; log-likelihood that they may lose to a free scale,
 #: and the share of the windows that is independent.
-_DIFFERENCES = (1, 2, 3)
-_AS_GOOD = 2.0
-_INDEPENDENT = 0.25
+_DIFFERENCES, _AS_GOOD, _INDEPENDENT = (1, 2, 3), 2.0, 0.25
 #: Standard errors by which pose and velocity must disagree, and the least disagreement that is reported.
 _SURE = 6.0
 _LEAST = {
@@ -52,8 +50,7 @@ _LEAST = {
 #: A factor of this size is a unit, not a calibration.
 _UNIT = 3.0
 #: Gauss-Newton rounds for the shift, and lags of the correlation of errors: windows overlap, and noise may be slow.
-_ROUNDS = 4
-_LAGS = 12
+_ROUNDS, _LAGS = 4, 12
 
 
 @dataclass(frozen=True)
@@ -93,38 +90,40 @@ class Compatibility:
 
 def compatibility(trials: Sequence[Trial]) -> Compatibility | None:
     """Compare pose and velocity of all trials that have both; None where none has, or none is long enough."""
-    posed = [trial for trial in trials if trial.pose is not None]
-    windows = [window for trial in posed for window in _windows(trial)]
+    posed = [(trial, trial.pose) for trial in trials if trial.pose is not None]
+    windows = [window for trial, pose in posed for window in _windows(trial, pose)]
     if not windows:
         return None
     placed = [window for window in windows if np.all(np.isfinite(window.position))]
     translation, of_positions = _explained(_translation, placed) if placed else ({}, 0)
     rotation, of_yaw = _explained(_turning, windows)
-    omega = 2.0 * math.pi * max((f for trial in posed for f in beats(trial)), default=0.0)
-    reach = max(of_positions, of_yaw) * omega * max(trial.step for trial in posed)
+    omega = 2.0 * math.pi * max((f for trial, _ in posed for f in beats(trial)), default=0.0)
+    reach = max(of_positions, of_yaw) * omega * max(trial.step for trial, _ in posed)
     return Compatibility(
         translation=translation,
         rotation=rotation,
-        derived=all(_derived(trial) for trial in posed),
+        derived=all(_derived(trial, pose) for trial, pose in posed),
         differences=(of_positions, of_yaw),
-        trials=tuple(trial.name for trial in posed),
+        trials=tuple(trial.name for trial, _ in posed),
         loss=1.0 - float(np.sinc(reach / math.pi)),
     )
 
 
-_Fitted = tuple[dict[str, Estimated], float, int]
+#: Estimates by name, and what they leave.
+_Fitted = tuple[dict[str, Estimated], FloatArray]
 
 
 def _explained(
     fit: Callable[[Sequence[_Window], int], _Fitted], windows: Sequence[_Window]
 ) -> tuple[dict[str, Estimated], int]:
     """Return the estimates, and over how many samples central differences explain a scale below 1; 0: they do not."""
-    plain, squares, rows = fit(windows, 0)
+    plain, most = fit(windows, 0)
     if not _is_off("scale", plain["scale"]) or plain["scale"].value > 1.0:
         return plain, 0
     for reach in _DIFFERENCES:
-        estimates, left, _ = fit(windows, reach)
-        if not _is_off("scale", estimates["scale"]) and _INDEPENDENT * rows * math.log(left / squares) < _AS_GOOD:
+        estimates, left = fit(windows, reach)
+        lost = _INDEPENDENT * len(left) * math.log((left @ left) / (most @ most))
+        if not _is_off("scale", estimates["scale"]) and lost < _AS_GOOD:
             return estimates, reach
     return plain, 0
 
@@ -140,6 +139,7 @@ class _Window:
 
     Attributes:
         time, position, yaw, velocity: its samples (n,), (n, 2), (n,), (n, 3).
+        yaw_at: spline through the yaw.
         centres: (m,) of the test functions [s].
         half: half their width [s].
     """
@@ -148,6 +148,7 @@ class _Window:
     position: FloatArray
     yaw: FloatArray
     velocity: FloatArray
+    yaw_at: Any
     centres: FloatArray
     half: float
 
@@ -161,11 +162,10 @@ class _Window:
             h = reach * float(np.median(np.diff(self.time)))
             return (self.bump(h) - self.bump(-h)) / (2.0 * h)
         u = self._inside(0.0)
-        rest = 1.0 - np.square(u)
-        return np.asarray(-8.0 / self.half * u * rest * rest * rest)
+        return np.asarray(-8.0 / self.half * u * (1.0 - np.square(u)) ** 3)
 
     def _inside(self, shift: float) -> FloatArray:
-        return np.clip((self.time[None, :] + shift - self.centres[:, None]) / self.half, -1.0, 1.0)
+        return np.clip((self.time + shift - self.centres[:, None]) / self.half, -1.0, 1.0)
 
     @property
     def weight(self) -> FloatArray:
@@ -173,51 +173,36 @@ class _Window:
         return np.gradient(self.time)
 
 
-def _windows(trial: Trial) -> list[_Window]:
+def _windows(trial: Trial, pose: FloatArray) -> list[_Window]:
     """Cut a trial at its gaps and at the steps of its drive, where the velocity jumps."""
-    assert trial.pose is not None  # noqa: S101
-    time = trial.time
-    step = float(np.median(np.diff(time)))
-    half = max(_HALF_WIDTH, _FEWEST * step)
-    cuts = np.flatnonzero(np.diff(time) > GAP * step) + 1
+    time, half = trial.time, max(_HALF_WIDTH, _FEWEST * trial.step)
+    cuts = np.flatnonzero(np.diff(time) > GAP * trial.step) + 1
     cuts = np.union1d(cuts, np.searchsorted(time, [segment.start for segment in trial.drive[1:]]))
-    yaw = np.unwrap(trial.pose[:, 2])
-    found = []
+    yaw, found = np.unwrap(pose[:, 2]), []
     for rows in np.split(np.arange(len(time)), cuts):
-        if len(rows) < 5 * _FEWEST or time[rows[-1]] - time[rows[0]] < 5.0 * half:
-            continue
-        # The first samples after a start from rest hold the jump of an impulsive start.
-        first, last = time[rows[0]] + 2.5 * half, time[rows[-1]] - 1.5 * half
-        centres = np.arange(first, last, 0.5 * half)
-        found.append(_Window(time[rows], trial.pose[rows, :2], yaw[rows], trial.velocity[rows], centres, half))
+        if len(rows) >= 5 * _FEWEST and time[rows[-1]] - time[rows[0]] >= 5.0 * half:
+            # The first samples after a start from rest hold the jump of an impulsive start.
+            centres = np.arange(time[rows[0]] + 2.5 * half, time[rows[-1]] - 1.5 * half, 0.5 * half)
+            here, spline = time[rows], make_interp_spline(time[rows], yaw[rows], k=3)
+            found.append(_Window(here, pose[rows, :2], yaw[rows], trial.velocity[rows], spline, centres, half))
     return found
 
 
 def _translation(windows: Sequence[_Window], reach: int) -> _Fitted:
-    splines = [make_interp_spline(window.time, window.yaw, k=3) for window in windows]
-
-    def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
-        return [_translated(window, spline, shift, reach) for window, spline in zip(windows, splines, strict=True)]
-
-    (cosine, sine, surge, sway), errors, skew, left = _fitted(parts, windows)
+    (cosine, sine, surge, sway, skew), errors, left = _fitted(_translated, windows, reach)
     scale = math.hypot(cosine, sine)
     jacobian = np.array([[cosine, sine], [-sine / scale, cosine / scale]]) / scale
-    spread = jacobian @ errors[:2, :2] @ jacobian.T
-    estimates = {
-        "scale": Estimated(scale, math.sqrt(spread[0, 0])),
-        "rotation": Estimated(math.atan2(sine, cosine), math.sqrt(spread[1, 1])),
-        "skew": Estimated(skew, math.sqrt(errors[4, 4])),
-        "surge_bias": Estimated(float(surge), math.sqrt(errors[2, 2])),
-        "sway_bias": Estimated(float(sway), math.sqrt(errors[3, 3])),
-    }
-    return estimates, float(left @ left), len(left)
+    spread = np.sqrt(np.diag(jacobian @ errors[:2, :2] @ jacobian.T))
+    numbers = (scale, math.atan2(sine, cosine), surge, sway, skew)
+    names = ("scale", "rotation", "surge_bias", "sway_bias", "skew")
+    return _estimates(names, numbers, [*spread, *np.sqrt(np.diag(errors)[2:])]), left
 
 
-def _translated(window: _Window, yaw: Any, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
+def _translated(window: _Window, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
     """Return left side (2m,) and columns (2m, 4) for s cos a, s sin a and both biases."""
     bump, weight = window.bump(shift), window.weight
     inside = np.clip(window.time + shift, window.time[0], window.time[-1])
-    left = (bump * weight) @ frames.to_world(window.velocity[:, :2], yaw(inside))
+    left = (bump * weight) @ frames.to_world(window.velocity[:, :2], window.yaw_at(inside))
     moved = -(window.bump_rate(reach) * weight) @ window.position
     turned = [
         (window.bump(0.0) * weight) @ frames.to_world(np.broadcast_to(unit, (len(weight), 2)), window.yaw)
@@ -228,68 +213,63 @@ def _translated(window: _Window, yaw: Any, shift: float, reach: int) -> tuple[Fl
 
 
 def _turning(windows: Sequence[_Window], reach: int) -> _Fitted:
-    def parts(shift: float) -> list[tuple[FloatArray, FloatArray]]:
-        found = []
-        for window in windows:
-            turned = -(window.bump_rate(reach) * window.weight) @ window.yaw
-            column = np.stack([turned, window.bump(0.0) @ window.weight], axis=1)
-            found.append(((window.bump(shift) * window.weight) @ window.velocity[:, 2], column))
-        return found
-
-    (scale, bias), errors, skew, left = _fitted(parts, windows)
-    estimates = {
-        "scale": Estimated(float(scale), math.sqrt(errors[0, 0])),
-        "skew": Estimated(skew, math.sqrt(errors[2, 2])),
-        "bias": Estimated(float(bias), math.sqrt(errors[1, 1])),
-    }
-    return estimates, float(left @ left), len(left)
+    numbers, errors, left = _fitted(_turned, windows, reach)
+    return _estimates(("scale", "bias", "skew"), numbers, np.sqrt(np.diag(errors))), left
 
 
-def _fitted(parts: Any, windows: Sequence[_Window]) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+def _turned(window: _Window, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
+    """Return left side (m,) and columns (m, 2) for the gain and the bias of the yaw rate."""
+    moved = -(window.bump_rate(reach) * window.weight) @ window.yaw
+    left = (window.bump(shift) * window.weight) @ window.velocity[:, 2]
+    return left, np.stack([moved, window.bump(0.0) @ window.weight], axis=1)
+
+
+def _estimates(names: Sequence[str], numbers: Iterable[float], errors: Iterable[float]) -> dict[str, Estimated]:
+    every = zip(names, numbers, errors, strict=True)
+    found = {name: Estimated(float(value), float(error)) for name, value, error in every}
+    return {name: found[name] for name in _LEAST if name in found}
+
+
+def _fitted(
+    sides: Callable[[_Window, float, int], tuple[FloatArray, FloatArray]], windows: Sequence[_Window], reach: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit columns and shift by Gauss-Newton.
 
-    Returns coefficients (k,), their covariance with the shift (k + 1, k + 1), the shift [s], and the residual.
+    Returns coefficients and the shift [s] (k + 1,), their covariance (k + 1, k + 1), and the residual.
 
-    The covariance is a sandwich that allows for errors that are correlated within a stretch ([Newey1987]).
+    The covariance is a sandwich that allows for errors that are correlated within a stretch ([Newey1987]): with
+    Bartlett's kernel, that of sums over as many rows as it has lags.
+
+    Args:
+        sides: gives left side and columns of a window at a shift.
+        windows: stretches without gaps.
+        reach: samples to either side over which central differences were taken.
     """
-    delta = 0.05 * windows[0].half
-    reach = 0.5 * windows[0].half
-    shift = 0.0
+
+    def stacked(shift: float) -> tuple[FloatArray, FloatArray]:
+        left, columns = zip(*(sides(window, shift, reach) for window in windows), strict=True)
+        return np.concatenate(left), np.concatenate(columns)
+
+    delta, farthest, shift = 0.05 * windows[0].half, 0.5 * windows[0].half, 0.0
     for _ in range(_ROUNDS):
-        here, ahead, behind = parts(shift), parts(shift + delta), parts(shift - delta)
-        slopes = [-(a[0] - b[0]) / (2.0 * delta) for a, b in zip(ahead, behind, strict=True)]
-        design = np.concatenate([np.column_stack([p[1], slope]) for p, slope in zip(here, slopes, strict=True)])
-        left = np.concatenate([p[0] for p in here])
+        (left, columns), ahead, behind = stacked(shift), stacked(shift + delta)[0], stacked(shift - delta)[0]
+        design = np.column_stack([columns, (behind - ahead) / (2.0 * delta)])
         solution = np.linalg.lstsq(design, left)[0]
-        shift = float(np.clip(shift + solution[-1], -reach, reach))
+        shift = float(np.clip(shift + solution[-1], -farthest, farthest))
     residual = left - design @ solution
+    counts = np.array([len(window.centres) for window in windows])
+    at_once = len(left) // counts.sum()  # rows of one time
+    long = np.ones((_LAGS * at_once, 1))
+    moments = np.split(design * residual[:, None], np.cumsum(at_once * counts)[:-1])
+    sums = np.concatenate([signal.oaconvolve(own, long, axes=0) for own in moments]) / math.sqrt(len(long))
     bread = np.linalg.pinv(design.T @ design)
-    meat = np.zeros_like(bread)
-    row = 0
-    for window, (side, _) in zip(windows, here, strict=True):
-        rows = slice(row, row + len(side))
-        row = rows.stop
-        meat += _kernel(design[rows] * residual[rows, None], len(side) // len(window.centres))
-    covariance = bread @ meat @ bread
-    covariance[np.diag_indices_from(covariance)] += 1e-30
-    return solution[:-1], covariance, shift, residual
+    covariance = bread @ (sums.T @ sums) @ bread + 1e-30 * np.eye(len(bread))
+    return np.array([*solution[:-1], shift]), covariance, residual
 
 
-def _kernel(moments: FloatArray, every: int) -> FloatArray:
-    """Return the long-run covariance (k, k) of moments (m, k), Bartlett kernel; `every` rows belong to one time."""
-    total = moments.T @ moments
-    for lag in range(1, _LAGS * every):
-        if lag >= len(moments):
-            break
-        product = moments[lag:].T @ moments[:-lag]
-        total += (1.0 - lag / (_LAGS * every)) * (product + product.T)
-    return np.asarray(total)
-
-
-def _derived(trial: Trial) -> bool:
+def _derived(trial: Trial, pose: FloatArray) -> bool:
     """Whether the yaw rate is a finite filter of the yaw (up to 12 samples to either side) to a millionth."""
-    assert trial.pose is not None  # noqa: S101
-    yaw, rate = np.unwrap(trial.pose[:, 2]), trial.velocity[:, 2]
+    yaw, rate = np.unwrap(pose[:, 2]), trial.velocity[:, 2]
     taps = 25
     if len(yaw) < 4 * taps or trial.gaps:
         return False
@@ -314,13 +294,12 @@ def disagreements(found: Compatibility) -> Iterator[Finding]:
         )
         return
     if any(found.differences):
-        samples = 2 * max(found.differences)
         yield Finding(
             "compatibility-differentiated",
             "remark",
             where,
-            f"the velocity has the size of central differences over {samples} samples, which take {found.loss:.1%} off "
-            "the beat",
+            f"the velocity has the size of central differences over {2 * max(found.differences)} samples, which take "
+            f"{found.loss:.1%} off the beat",
             "velocities that are the rates of the pose",
             "no scale is wrong; give the velocities as measured, or positions and yaw at a higher rate",
             trials=found.trials,
@@ -333,9 +312,8 @@ def disagreements(found: Compatibility) -> Iterator[Finding]:
 
 def _disagreement(name: str, estimate: Estimated, channels: tuple[str, ...], trials: tuple[str, ...]) -> Finding:
     unit = name == "scale" and not 1.0 / _UNIT < abs(estimate.value) < _UNIT
-    rotation = channels == ("yaw_rate",)
     offset = "bias" in name
-    code = "bias" if offset else "gain" if name == "scale" and rotation else name
+    code = "bias" if offset else "gain" if name == "scale" and channels == ("yaw_rate",) else name
     found, remedy = {
         "scale": (
             f"the velocity is {estimate.value:.4g} (+- {estimate.error:.2g}) times that of the pose",

@@ -108,8 +108,8 @@ def _jumps(trial: Trial, sensor: Sensor) -> Finding | None:
         return None
     raw, inner = steps.copy(), slice(REACH, -REACH)
     near = np.lib.stride_tricks.sliding_window_view(steps, 2 * REACH + 1, axis=0)  # changes with `steps`
-    weights = (huber_fit(np.delete(own, REACH, axis=1), own[:, REACH])[1] for own in near.swapaxes(0, 1))
-    kernels = np.array([np.insert(-own, REACH, 1.0) for own in weights])
+    fits = (huber_fit(np.delete(own, REACH, axis=1), own[:, REACH]) for own in near.swapaxes(0, 1))
+    kernels = np.array([np.insert(-weights, REACH, 1.0) for _, weights in fits])
     left = np.einsum("tck,ck->tc", near, kernels)
     swing = np.linalg.norm(steps - ndimage.uniform_filter1d(steps, _NEARBY, axis=0), axis=1)
     common = np.minimum(swing, np.quantile(swing, _COMMON))  # jumps are no swing
@@ -144,23 +144,31 @@ def _jumps(trial: Trial, sensor: Sensor) -> Finding | None:
 
 
 def _missing(dataset: Dataset) -> Iterator[Finding]:
-    """Say how many samples of places and headings are missing, and what was left out when they were read."""
+    """Say how many samples of places and headings are missing in a run, and what was left out when they were read."""
     for trial in dataset.trials:
-        for sensor in trial.sensors:
-            frames = int(rows_of(sensor.time)[-1]) + 1
-            lost = frames - len(sensor.time)
-            gap = f"{lost} of {frames} samples are missing, the longest gap is {np.diff(sensor.time).max():.3g} s"
-            said = [*sensor.remarks, *([gap] if lost else [])]
-            if said and sensor.kind in _SEEN:
-                yield Finding(
-                    "poses-missing",
-                    "remark",
-                    f"trial '{trial.name}', {sensor.name}",
-                    "; ".join(said),
-                    f"a sample every {sensor.step:.3g} s",
-                    "nothing, where they are lost: a fit goes by the others",
-                    trials=(trial.name,),
-                )
+        seen = [sensor for sensor in trial.sensors if sensor.kind in _SEEN and (sensor.remarks or _gaps(sensor))]
+        if seen:
+            gaps = {sensor.name: _gaps(sensor) for sensor in seen}
+            each = {*gaps.values()} if len({*gaps.values()}) == 1 else [f"{n}: {gap}" for n, gap in gaps.items() if gap]
+            steps = dict.fromkeys(f"{sensor.step:.3g} s" for sensor in seen)
+            yield Finding(
+                "poses-missing",
+                "remark",
+                f"trial '{trial.name}', {' and '.join(gaps)}",
+                "; ".join(filter(None, [*(remark for sensor in seen for remark in sensor.remarks), *each])),
+                f"a sample every {' or '.join(steps)}",
+                "nothing, where they are lost: a fit goes by the others",
+                trials=(trial.name,),
+                channels=tuple(gaps),
+            )
+
+
+def _gaps(sensor: Sensor) -> str:
+    """Return how many samples of a sensor are missing, in words; nothing where none is."""
+    frames = int(rows_of(sensor.time)[-1]) + 1
+    longest = f"the longest gap is {np.diff(sensor.time).max():.3g} s"
+    lost = frames - len(sensor.time)
+    return f"{lost} of {frames} samples are missing, {longest}" if lost else ""
 
 
 class _Run(NamedTuple):

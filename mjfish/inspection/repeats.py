@@ -5,7 +5,7 @@ d = (y_1 - y_2) / sqrt(2),   in general the deviations from the mean of R repeat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -56,7 +56,7 @@ class Repeats:
         return {name: value for name, value in vars(self).items() if name != "noise"} | noise
 
 
-def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repeats | None:
+def noise_from_repeats(dataset: Dataset, leave_out: Collection[str] = ()) -> Repeats | None:
     """Estimate the noise from runs of one drive, sampled at the same times; None where there are none.
 
     Args:
@@ -67,8 +67,8 @@ def noise_from_repeats(dataset: Dataset, leave_out: Sequence[str] = ()) -> Repea
     for trial in dataset.trials:
         if trial.drive and trial.name not in leave_out:
             groups.setdefault(trial.drive, []).append(trial)
-    found = [_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1]
-    every = [group for group in found if group is not None]
+    differences = (_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1)
+    every = [group for group in differences if group is not None]
     clean = [group for group in every if group.line <= LINE]
     used = clean or every
     blocks = [block for group in used for block in group.blocks]
@@ -113,20 +113,21 @@ def _differences(group: Sequence[Trial], free_clock: bool) -> _Group | None:
     if not aligned or len(common) < _FEWEST // 2:
         return None
     values = np.stack([t.velocity[np.searchsorted(c, common)] for t, c in zip(group, cells, strict=True)])
-    mean = values.mean(axis=0)
+    time, mean = np.asarray(common * step, dtype=np.float64), values.mean(axis=0)
     apart = values - mean
     if free_clock:
-        slope = np.gradient(mean, common * step, axis=0)
+        slope = np.gradient(mean, time, axis=0)
         weight = 1.0 / np.square(np.ptp(mean, axis=0) + 1e-12)
         shift = np.einsum("rnc,nc,c->r", apart, slope, weight) / np.einsum("nc,nc,c->", slope, slope, weight)
-        apart = apart - shift[:, None, None] * slope
-    apart = np.asarray(apart * np.sqrt(len(group) / (len(group) - 1)), dtype=np.float64)
-    # The last of the deviations follows from the others.
-    there = seen_of(common - common[0])
-    kept = list(apart[: len(group) - 1])
-    names = tuple(trial.name for trial in group)
-    line = max(_line(block, np.asarray(common * step, dtype=np.float64), group[0]) for block in apart)
-    return _Group(kept, [there] * len(kept), names, len(common) * step * (len(group) - 1), line)
+        apart -= shift[:, None, None] * slope
+    apart *= np.sqrt(len(group) / (len(group) - 1))
+    return _Group(
+        blocks=list(apart[:-1]),  # the last of the deviations follows from the others
+        seen=[seen_of(common - common[0])] * (len(group) - 1),
+        names=tuple(trial.name for trial in group),
+        seconds=len(common) * step * (len(group) - 1),
+        line=max(_line(block, time, group[0]) for block in apart),
+    )
 
 
 def _line(block: FloatArray, time: FloatArray, trial: Trial) -> float:
@@ -136,18 +137,11 @@ def _line(block: FloatArray, time: FloatArray, trial: Trial) -> float:
     beat = trial.drive[-1].omega / (2.0 * np.pi)
     if span * beat < 5.0:
         return 0.0
-    largest = 0.0
-    for harmonic in (1, 2):
-        beside = [k for k in range(-5, 6) if abs(k) > 1]
-        power = {k: _power(block[tail], time[tail], harmonic * beat + k / span) for k in [0, *beside]}
-        largest = max(largest, float(np.max(power[0] / np.mean([power[k] for k in beside], axis=0))))
-    return largest
-
-
-def _power(block: FloatArray, time: FloatArray, frequency: float) -> FloatArray:
-    window = np.hanning(len(time))[:, None]
-    wave = np.exp(-2j * np.pi * frequency * time)[:, None]
-    return np.asarray(np.abs(np.sum(window * wave * (block - block.mean(axis=0)), axis=0)) ** 2 + 1e-300)
+    beside = np.array([0.0, *(k for k in range(-5, 6) if abs(k) > 1)])
+    frequency = np.array([[beat], [2.0 * beat]]) + beside / span
+    windowed = np.hanning(np.count_nonzero(tail))[:, None] * (block[tail] - block[tail].mean(axis=0))
+    power = np.abs(np.exp(-2j * np.pi * frequency[:, :, None] * time[tail]) @ windowed) ** 2 + 1e-300
+    return float(np.max(power[:, 0] / power[:, 1:].mean(axis=1)))
 
 
 def repeat_findings(repeats: Repeats) -> Iterator[Finding]:

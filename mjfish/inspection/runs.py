@@ -17,8 +17,7 @@ _SHORT = 5.0
 #: Samples of a run of which a twentieth says something, and such parts.
 _FEWEST, _PARTS = 100, 20
 #: A CPG whose largest bias is below this [-], or joints whose mean bend is below this angle [rad], do not turn.
-_NO_BIAS = 1e-6
-_NO_BEND = 0.03
+_NO_BIAS, _NO_BEND = 1e-6, 0.03
 
 
 def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Finding]:

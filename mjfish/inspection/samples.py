@@ -2,11 +2,6 @@
 
 No model of the fish is needed. Each channel of a trial is interpolated from the samples beside it by the weights that
 do so best in that trial (least squares with Huber weights): periodic swimming is predicted exactly, noise is not.
-
-**Joints.** Measured angles that move faster than their samples resolve: at a start, or where the drive changes at once.
-The motion between samples is a spline (`mjfish.drive.measured`). It is right where every sample follows from those
-beside it. Each one is predicted by the polynomial through its six neighbours, three to either side; of a beat with ten
-samples or more, that leaves less than the noise does. Where an angle or its rate jumps, the error stands far above.
 """
 
 from __future__ import annotations
@@ -18,116 +13,15 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import ndimage, signal, stats
 from scipy.spatial import cKDTree
 
-from mjfish.data import Trial, columns
-from mjfish.data.validation import GAP, beats
+from mjfish.data import Trial
+from mjfish.data.validation import GAP
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
+from mjfish.inspection.joint_jumps import jumps
 from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
-
-#: Neighbours to either side, the degree of the polynomial and one, halved.
-_JOINT_REACH = 3
-_JOINT_OFFSETS = np.array([k for k in range(-_JOINT_REACH, _JOINT_REACH + 1) if k != 0])
-#: A jump leaves more than this many sigma, of which normal noise leaves none, and this share of the joint's range.
-_JUMP_FAR = 7.0
-_JUMP_SMALL = 0.01
-#: Rows beside a jump that its angles reach.
-_JUMP_BESIDE = 2
-#: Fewest samples of which a standard deviation is taken.
-_JUMP_FEWEST = 8 * _JOINT_REACH
-#: Where it happens oftener than once in so many beats it belongs to the beat, and no cut removes it.
-_JUMP_BEATS = 2.0
-
-
-@dataclass(frozen=True)
-class Jump:
-    """Where a measured joint moves faster than its samples resolve.
-
-    Attributes:
-        first, last: rows that do not follow from those beside them.
-        joint: where that is clearest, from 0.
-        error: of the worst of these samples [rad].
-        sigma: how many standard deviations of the trial's other samples that is.
-    """
-
-    first: int
-    last: int
-    joint: int
-    error: float
-    sigma: float
-
-
-def jumps(trial: Trial) -> list[Jump]:
-    """Return the jumps of measured joint angles; none where they belong to every beat."""
-    angle = trial.joint_angle
-    if angle is None or trial.commanded or len(angle) < _JUMP_FEWEST:
-        return []
-    error = np.abs(_left_out(trial.time, angle))
-    sigma = robust_sigma(error) + 1e-300
-    rows = np.flatnonzero(np.any(error > np.maximum(_JUMP_FAR * sigma, _JUMP_SMALL * np.ptp(angle, axis=0)), axis=1))
-    if not len(rows):
-        return []
-    found = []
-    for cluster in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _JOINT_REACH) + 1):
-        worst, joint = np.unravel_index(np.argmax(error[cluster] / sigma), (len(cluster), angle.shape[1]))
-        size = float(error[cluster[worst], joint])
-        first, last = (int(cluster[k]) + _JOINT_REACH for k in (0, -1))
-        found.append(Jump(first, last, int(joint), size, size / float(sigma[joint])))
-    count = float(np.ptp(trial.time)) * min(beats(trial), default=0.0)
-    return found if len(found) <= max(count / _JUMP_BEATS, 1.0) else []
-
-
-def unresolved(trial: Trial) -> Iterator[Finding]:
-    """Yield where measured joint angles jump: the motion between the samples, and the force on them, are unknown."""
-    found = jumps(trial)
-    if not found:
-        return
-    worst = max(found, key=lambda jump: jump.sigma)
-    time, joint = trial.time, columns.joint(worst.joint + 1)
-    when = " and ".join(f"{0.5 * (time[jump.first] + time[jump.last]):.3g} s" for jump in found)
-    yield Finding(
-        "joints-unresolved",
-        "suspect",
-        f"trial '{trial.name}', {joint}, near {when}",
-        f"an angle is {worst.error:.2g} rad ({worst.sigma:.0f} sigma) off the line through its neighbours: the joint "
-        f"moves faster than a sample every {trial.step:.3g} s resolves, or the sample was misread",
-        "angles that follow from the samples beside them",
-        f"cut the run there: keep {_kept(trial, found)}; or record the joint angles faster, or give the drive in place "
-        "of the angles",
-        trials=(trial.name,),
-        channels=(joint,),
-    )
-
-
-def _kept(trial: Trial, found: Sequence[Jump]) -> str:
-    """Return the times of the rows between the jumps, where they last a beat."""
-    time = trial.time
-    least = 1.0 / min(beats(trial), default=np.inf)
-    # The beat after a jump is left out: the start of a run is fitted, and must not lie on angles that are in doubt.
-    after = max(_JUMP_BESIDE, round(least / trial.step))
-    starts = [0, *(min(jump.last + after, len(time) - 1) for jump in found)]
-    ends = [*(max(jump.first - _JUMP_BESIDE, 0) for jump in found), len(time) - 1]
-    parts = [(float(time[a]), float(time[b])) for a, b in zip(starts, ends, strict=True)]
-    long = [f"{a:.4g} to {b:.4g} s" for a, b in parts if b - a > least]
-    more = ", each as a run of its own" if len(long) > 1 else ""
-    return (
-        f"its rows from {' and from '.join(long)}{more}" if long else "the parts before and after, if they last a beat"
-    )
-
-
-def _left_out(time: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return samples (n - 6, joints) less the polynomial through their six neighbours."""
-    rows = np.arange(_JOINT_REACH, len(time) - _JOINT_REACH)
-    near = time[rows[:, None] + _JOINT_OFFSETS]
-    weights = np.ones_like(near)
-    for m in range(len(_JOINT_OFFSETS)):
-        for q in range(len(_JOINT_OFFSETS)):
-            if q != m:
-                weights[:, m] *= (time[rows] - near[:, q]) / (near[:, m] - near[:, q])
-    return np.asarray(angle[rows] - np.einsum("km,kmj->kj", weights, angle[rows[:, None] + _JOINT_OFFSETS]))
-
 
 #: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
 REACH = 5
@@ -137,14 +31,11 @@ _BEATS = 2.5
 _HUBER = 1.5
 #: Repeated values, or a far sample, that are less probable than this are a finding.
 _LEVEL = 1e-4
-#: Samples at an extreme value that make a clipped channel, and how many times more than at the next values.
-_CLIPPED = 4
-_PILE = 4.0
-_NEXT = 5
+#: Samples at an extreme value that make a clipped channel, and how many times more than at so many next values.
+_CLIPPED, _PILE, _NEXT = 4, 4.0, 5
 #: Blocks of so many rows in a row, and how many of them two trials may share to the last bit by chance: rows alone are
 #: shared by runs of one drive that were rounded.
-_BLOCK = 4
-_SHARED = 3
+_BLOCK, _SHARED = 4, 3
 #: Data whose noise is below this share of their range in every channel are simulated, or smoothed until none is left.
 _SILENT = 2e-4
 #: A row is loud beyond this many sigma in a channel; noise about two such rows is alike within this distance, in sigma.
@@ -183,11 +74,10 @@ class Interpolated:
 def interpolated(trial: Trial) -> Interpolated | None:
     """Interpolate every sample from its neighbours; None where too few samples have all of theirs."""
     time = trial.time
-    step = float(np.median(np.diff(time)))
-    torn = np.diff(time) > GAP * step
+    torn = np.diff(time) > GAP * trial.step
     for segment in trial.drive:  # what the fish does in its first beats is not periodic
         settling = segment.start + _BEATS * 2.0 * np.pi / segment.omega
-        torn |= (time[1:] >= segment.start - step) & (time[:-1] <= settling)
+        torn |= (time[1:] >= segment.start - trial.step) & (time[:-1] <= settling)
     for jump in jumps(trial):  # the velocity jumps with the joints
         torn[max(jump.first - 1, 0) : jump.last + 1] = True
     before = np.concatenate([[0], np.cumsum(torn)])
@@ -196,19 +86,14 @@ def interpolated(trial: Trial) -> Interpolated | None:
     if len(rows) < 8 * REACH:
         return None
     offsets = np.array([k for k in range(-REACH, REACH + 1) if k != 0])
-    misfit, noise = np.empty((len(rows), 3)), np.empty(3)
-    for channel in range(3):
-        values = trial.velocity[:, channel] - np.median(trial.velocity[:, channel])
-        design = np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))])
-        misfit[:, channel], weights = huber_fit(design, values[rows])
-        noise[channel] = 1.0 / np.sqrt(1.0 + weights[:-1] @ weights[:-1])
+    fits = [
+        huber_fit(np.column_stack([values[rows[:, None] + offsets], np.ones(len(rows))]), values[rows])
+        for values in (trial.velocity - np.median(trial.velocity, axis=0)).T
+    ]
+    misfit = np.column_stack([left for left, _ in fits])
     sigma = robust_sigma(misfit) + 1e-300
-    return Interpolated(trial, rows, misfit, sigma, sigma * noise)
-
-
-def pooled(found: Sequence[Interpolated]) -> FloatArray:
-    """Return the noise (3,) of all trials, the median."""
-    return np.asarray(np.median([line.noise for line in found], axis=0)) if found else np.zeros(3)
+    gain = np.array([1.0 + weights[:-1] @ weights[:-1] for _, weights in fits])
+    return Interpolated(trial, rows, misfit, sigma, sigma / np.sqrt(gain))
 
 
 def huber_fit(design: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -229,8 +114,8 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     moving = np.any(trial.velocity[1:] != 0.0, axis=1)
     frozen = np.all(same, axis=1) & moving
     # How often single values repeat by chance, as they do where they were rounded.
-    repeating = np.array([np.mean(same[~frozen, c]) if np.any(~frozen) else 0.0 for c in range(3)])
-    if len(same) * float(np.prod(repeating)) < _LEVEL and frozen.any():
+    repeating = np.sum(same[~frozen], axis=0) / max(np.count_nonzero(~frozen), 1)
+    if frozen.any() and len(same) * np.prod(repeating) < _LEVEL:
         yield _frozen(trial, frozen)
     for channel, name in enumerate(CHANNELS):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
@@ -244,9 +129,7 @@ def stuck(trial: Trial) -> Iterator[Finding]:
                 trials=(trial.name,),
                 channels=(name,),
             )
-            continue
-        found = _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving)
-        if found:
+        elif found := _clipped(trial, channel) or _held(trial, channel, same[:, channel] & ~frozen & moving):
             yield found
 
 
@@ -275,17 +158,17 @@ def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
 
 def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
     """Find one channel that keeps its value while the others move, longer than rounding explains."""
-    start, length = _longest(same)
-    share = float(np.mean(np.delete(same, np.s_[start : start + length])))
-    if length < 3 or len(same) * max(share, 1e-12) ** length > _LEVEL:
+    runs, _ = ndimage.label(same)
+    lengths = np.bincount(runs.ravel(), minlength=2)[1:]
+    inside, length = runs == 1 + np.argmax(lengths), int(lengths.max())
+    if length < 3 or len(same) * max(float(np.mean(same[~inside])), 1e-12) ** length > _LEVEL:
         return None
-    name = CHANNELS[channel]
-    value = trial.velocity[start, channel]
+    start, name = int(np.argmax(inside)), CHANNELS[channel]
     return Finding(
         "stuck-held",
         "suspect",
         f"trial '{trial.name}', {name}, rows {start + 1} to {start + length + 1} ({trial.time[start]:.3f} s)",
-        f"the value stays at {value:.4g} {UNITS[name]} while the other channels move",
+        f"the value stays at {trial.velocity[start, channel]:.4g} {UNITS[name]} while the other channels move",
         "a value that changes with every row",
         f"{without_rows(trial)}; or see why the channel was stuck",
         trials=(trial.name,),
@@ -316,16 +199,6 @@ def _clipped(trial: Trial, channel: int) -> Finding | None:
     return None
 
 
-def _longest(same: BoolArray) -> tuple[int, int]:
-    """Return first row and length of the longest run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
-        return 0, 0
-    longest = int(np.argmax(ends - starts))
-    return int(starts[longest]), int(ends[longest] - starts[longest])
-
-
 def copies(
     trials: Sequence[Trial], held: Sequence[str], sigma: FloatArray, lines: Sequence[Interpolated]
 ) -> Iterator[Finding]:
@@ -343,52 +216,36 @@ def copies(
     sharing = _shared_blocks(trials)
     near = set() if silent else _recurring(trials, lines)
     for i, j in sorted(near | sharing.keys()):
-        a, b, blocks_shared = trials[i], trials[j], sharing[i, j]
-        shared = blocks_shared + _BLOCK - 1
-        close = blocks_shared < _SHARED and not silent and _close(a, b, sigma)
-        if blocks_shared < _SHARED and not close:
+        a, b, exact = trials[i], trials[j], sharing[i, j] >= _SHARED
+        if not exact and (silent or not _close(a, b, sigma)):
             continue
-        leak = (a.name in held) != (b.name in held)
+        shared, leak = sharing[i, j] + _BLOCK - 1, (a.name in held) != (b.name in held)
         share = min(shared / min(len(a.time), len(b.time)), 1.0)
-        what = "are the same but for less than their noise" if close else f"share {shared} rows ({share:.0%}) exactly"
-        if silent:
-            yield Finding(
-                "copies-without-noise",
-                "remark",
-                f"trials '{a.name}' and '{b.name}'",
-                f"{what}, in data without noise",
-                "noise, that never repeats itself",
-                "simulated data: nothing to do; measured data: remove one of the two",
-                trials=(a.name, b.name),
-            )
-            continue
+        what = f"share {shared} rows ({share:.0%}) exactly" if exact else "are the same but for less than their noise"
         consequence = "one is fitted and the other held out, so that the gain is no gain" if leak else "it counts twice"
         yield Finding(
-            "copies-leak" if leak else "copies-twice",
-            "blocks" if leak else "suspect",
+            "copies-without-noise" if silent else "copies-leak" if leak else "copies-twice",
+            "remark" if silent else "blocks" if leak else "suspect",
             f"trials '{a.name}' and '{b.name}'",
-            f"they {what}; {consequence}",
-            "recordings of their own, with noise of their own",
-            "remove one of the two, or cut the part that they share",
+            f"{what}, in data without noise" if silent else f"they {what}; {consequence}",
+            "noise, that never repeats itself" if silent else "recordings of their own, with noise of their own",
+            "simulated data: nothing to do; measured data: remove one of the two"
+            if silent
+            else "remove one of the two, or cut the part that they share",
             trials=(a.name, b.name),
         )
 
 
 def _shared_blocks(trials: Sequence[Trial]) -> Counter[tuple[int, int]]:
-    """Return how many blocks pairs of trials have in common, of those pairs that have any."""
+    """Return how many blocks, four rows that follow each other, pairs of trials have in common, but those at rest."""
     having: dict[int, list[int]] = {}
     for i, trial in enumerate(trials):
-        for block in _blocks(trial):
+        values = trial.velocity + 0.0  # minus zero is zero
+        moving = np.any(values != 0.0, axis=1)
+        starts = range(len(values) - _BLOCK + 1)
+        for block in {hash(values[k : k + _BLOCK].tobytes()) for k in starts if moving[k : k + _BLOCK].all()}:
             having.setdefault(block, []).append(i)
-    return Counter(pair for own in having.values() if len(own) > 1 for pair in combinations(own, 2))
-
-
-def _blocks(trial: Trial) -> set[int]:
-    """Return every four rows that follow each other, but those at rest, as hashes."""
-    values = trial.velocity + 0.0  # minus zero is zero
-    moving = np.any(values != 0.0, axis=1)
-    starts = range(len(values) - _BLOCK + 1)
-    return {hash(values[k : k + _BLOCK].tobytes()) for k in starts if moving[k : k + _BLOCK].all()}
+    return Counter(pair for own in having.values() for pair in combinations(own, 2))
 
 
 def _recurring(trials: Sequence[Trial], lines: Sequence[Interpolated]) -> set[tuple[int, int]]:
@@ -398,51 +255,39 @@ def _recurring(trials: Sequence[Trial], lines: Sequence[Interpolated]) -> set[tu
     takes the square of their number. Of a trial without a line, that is a short one, all pairs are returned.
     """
     known = {id(line.trial): line for line in lines}
-    found = {
-        (min(i, j), max(i, j))
-        for i, trial in enumerate(trials) if id(trial) not in known
-        for j in range(len(trials)) if j != i
-    }  # fmt: skip
+    short = [i for i, trial in enumerate(trials) if id(trial) not in known]
+    found = {(min(i, j), max(i, j)) for i in short for j in range(len(trials)) if j != i}
     noise, places = [np.zeros((0, 9))], [np.zeros((0, 2), dtype=np.intp)]
-    for i, trial in enumerate(trials):
-        if (line := known.get(id(trial))) is None:
-            continue
+    for i in sorted({*range(len(trials))} - {*short}):
+        line = known[id(trials[i])]
         scaled = line.misfit / line.sigma
         loud = 1 + np.flatnonzero(np.any(np.abs(scaled[1:-1]) > _LOUD, axis=1))
         loud = loud[line.rows[loud + 1] - line.rows[loud - 1] == 2]
         noise.append(scaled[loud[:, None] + np.arange(-1, 2)].reshape(-1, 9))
         places.append(np.column_stack([np.full(len(loud), i), line.rows[loud]]))
-    at = np.concatenate(places)
-    pairs = cKDTree(np.concatenate(noise)).query_pairs(_ALIKE, output_type="ndarray")
-    (i, first), (j, second) = (at[pairs[:, side]].T for side in (0, 1))
-    shifts = np.column_stack([i, j, second - first])[i != j]
-    shifts = np.where((shifts[:, 0] > shifts[:, 1])[:, None], shifts[:, [1, 0, 2]] * [1, 1, -1], shifts)
-    seen, counts = np.unique(shifts, axis=0, return_counts=True)
+    pairs = cKDTree(np.concatenate(noise)).query_pairs(_ALIKE, output_type="ndarray")  # each in order
+    (i, first), (j, second) = np.concatenate(places)[pairs.T].swapaxes(1, 2)
+    seen, counts = np.unique(np.column_stack([i, j, second - first])[i != j], axis=0, return_counts=True)
     return found | {(int(i), int(j)) for i, j, _ in seen[counts >= _SHARED]}
 
 
 def _close(a: Trial, b: Trial, sigma: FloatArray) -> bool:
-    """Whether two recordings, one shifted to where they agree best, differ by less than noise can."""
-    first, second = a.velocity / sigma, b.velocity / sigma
-    lag, overlap = _nearest(first, second)
-    left, right = first[max(lag, 0) :][:overlap], second[max(-lag, 0) :][:overlap]
-    return overlap > 0 and bool(np.median(np.abs(left - right), axis=0).max() < _NEAR)
+    """Whether two recordings, one shifted to where they agree best, differ by less than noise can.
 
-
-def _nearest(first: FloatArray, second: FloatArray) -> tuple[int, int]:
-    """Return by how many rows the first is ahead where the mean square of the difference is least, and the overlap.
-
-    Sum (a - b)^2 over what overlaps = sums of squares, which grow with the overlap, less twice the correlation.
+    That is where the mean square of their difference is least; sum (a - b)^2 over what overlaps = sums of squares,
+    which grow with the overlap, less twice the correlation.
     """
+    first, second = a.velocity / sigma, b.velocity / sigma
     n, m = len(first), len(second)
     lags = signal.correlation_lags(n, m)
     correlation = sum(signal.correlate(*channels, method="fft") for channels in zip(first.T, second.T, strict=True))
     start, stop = np.maximum(lags, 0), np.minimum(lags + m, n)
     squares, others = (np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))]) for x in (first, second))
     power = squares[stop] - squares[start] + others[stop - lags] - others[start - lags]
-    overlap = stop - start
-    best = int(np.argmin(np.where(overlap >= _OVERLAP * min(n, m), (power - 2.0 * correlation) / overlap, np.inf)))
-    return int(lags[best]), int(overlap[best])
+    enough = stop - start >= _OVERLAP * min(n, m)
+    best = int(np.argmin(np.where(enough, (power - 2.0 * correlation) / (stop - start), np.inf)))
+    left = first[start[best] : stop[best]] - second[start[best] - lags[best] : stop[best] - lags[best]]
+    return bool(np.median(np.abs(left), axis=0).max() < _NEAR)
 
 
 def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
@@ -458,8 +303,7 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
             return
         every = np.concatenate(scaled)
         degrees_of_freedom, spread = _student(every)
-        far = float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread
-        limit = max(far, FAR)
+        limit = max(float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread, FAR)
         for line, values in zip(found, scaled, strict=True):
             size = np.abs(line.misfit[:, channel])
             out = np.flatnonzero((np.abs(values) > limit) & (size > _SMALL * np.ptp(line.trial.velocity[:, channel])))
@@ -501,8 +345,7 @@ def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], 
 def _student(values: FloatArray) -> tuple[float, float]:
     """Return degrees of freedom and scale of the Student t with the median and the 97.5 % point of |values|."""
     half, high = np.quantile(np.abs(values), [0.5, 0.975])
-    ratio = float(high / max(half, 1e-300))
     grid = np.concatenate([np.arange(1.0, 5.0, 0.25), np.arange(5.0, 31.0), [100.0]])
     ratios = stats.t.ppf(0.9875, grid) / stats.t.ppf(0.75, grid)
-    degrees_of_freedom = float(np.interp(-ratio, -ratios, grid))
+    degrees_of_freedom = float(np.interp(-high / max(half, 1e-300), -ratios, grid))
     return degrees_of_freedom, float(half / stats.t.ppf(0.75, degrees_of_freedom))

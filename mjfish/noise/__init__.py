@@ -1,4 +1,4 @@
-"""Noise of measured velocities: one model a class, each simulates, whitens, has a likelihood and an estimator.
+"""Noise of measured velocities: one model a class, each whitens, has a likelihood and an estimator.
 
 | model | class | estimator |
 |---|---|---|
@@ -10,7 +10,7 @@
 | errors of measured joint angles on top of another noise | `ErrorsInVariables` | its `cleared` |
 
 All are `Noise`: ``whiten(trial, mask, block)`` for residuals and Jacobians alike, ``log_determinant(trial, mask)``,
-``simulate(trial, rng)``, ``to_dict()``. Estimators take a `NoiseSample`, residuals with what was taken out of them; its
+``to_dict()``. Estimators take a `NoiseSample`, residuals with what was taken out of them; its
 ``log_likelihood(noise)`` compares models, and `select` chooses one.
 """
 

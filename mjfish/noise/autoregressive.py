@@ -21,7 +21,7 @@ from mjfish.data import Trial
 from mjfish.data.trial import rows_of, seen_of
 from mjfish.errors import InputError
 from mjfish.files.plain_data import fields_of
-from mjfish.noise.kalman import Gains, coloured, filtered_states, gains, whitened
+from mjfish.noise.kalman import Gains, filtered_states, gains, whitened
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: Highest autoregressive order that is tried (0.4 s at 50 Hz).
@@ -36,8 +36,8 @@ FLOOR = 5e-4
 class Noise:
     """Noise of the measured velocities of a trial: surge [m/s], sway [m/s], yaw rate [rad/s].
 
-    A subclass gives the Kalman filters of a trial (`filters`), one for each channel or one for all three; whitening,
-    likelihood and simulation follow from them.
+    A subclass gives the Kalman filters of a trial (`filters`), one for each channel or one for all three; whitening
+    and likelihood follow from them.
 
     Attributes:
         sigma: (3,) standard deviation of the innovations, or of the white part.
@@ -82,15 +82,6 @@ class Noise:
         """Return the log determinant of the noise's covariance on the counted samples of a trial."""
         return sum(filter_.log_determinant for filter_ in self.filters(trial, grid(trial.time, mask)))
 
-    def simulate(self, trial: Trial, rng: np.random.Generator) -> FloatArray:
-        """Draw noise (n, 3) at the samples of a trial."""
-        seen = grid(trial.time, np.ones(len(trial.time), dtype=np.bool_))
-        filters = self.filters(trial, seen)
-        white = np.split(rng.standard_normal((len(trial.time), 3)), len(filters), axis=1)
-        return np.concatenate(
-            [coloured(filter_, seen, part) for filter_, part in zip(filters, white, strict=True)], axis=1
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """Return kind and numbers as plain data; `mjfish.estimation.noise_of_fit.restore` reads them."""
         return {"kind": type(self).__name__, **fields_of(self)}
@@ -102,7 +93,6 @@ class Autoregressive(Noise):
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the channels."""
-        del trial
         return [
             _filter(phi.tobytes(), float(sigma), seen.tobytes())
             for phi, sigma in zip(self.phi, self.sigma, strict=True)
@@ -155,7 +145,7 @@ def _filter(phi: bytes, sigma: float, seen: bytes) -> Gains:
     drive[0, 0] = sigma**2
     start = linalg.solve_discrete_lyapunov(transition, drive)
     there = np.frombuffer(seen, dtype=np.bool_)
-    return gains(transition[None], drive[None], np.eye(1, len(rates)), np.zeros((1, 1)), readonly(start), there)
+    return gains(transition[None], drive[None], np.eye(1, len(rates)), np.zeros(1), readonly(start), there)
 
 
 def floor(trials: Sequence[Trial]) -> FloatArray:

@@ -45,7 +45,6 @@ class DifferentiationNoise(Noise):
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the channels, whose state is the positions under the window."""
-        del trial
         unit = _gains(self.window, self.degree, self.rounding, seen.tobytes())
         return [unit.scaled(sigma) for sigma in self.sigma.tolist()]
 
@@ -65,7 +64,7 @@ def _gains(window: int, degree: int, rounding: float, seen: bytes) -> Gains:
     drive[0, 0, 0] = 1.0
     return gains(
         np.eye(window, k=-1)[None], drive, weights(window, degree)[None] / np.sqrt(total),
-        np.array([[rounding**2 / total]]), np.eye(window), np.frombuffer(seen, dtype=np.bool_),
+        np.array([rounding**2 / total]), np.eye(window), np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 
 
@@ -80,15 +79,17 @@ def differentiation_noise(left: NoiseSample) -> DifferentiationNoise:
     filters = [(window, degree) for degree in DEGREES for window in WINDOWS if window > degree]
     turn = 2.0 * np.pi * seen.frequency * step
     responses = [np.abs(signal.freqz(weights(*filter_), worN=turn)[1]) ** 2 for filter_ in filters]
-    found = []
+    found, bare = [], NoiseSample.of(left.trials, left.masks, left.residuals, left.scale)
     for rounding in _SHARES:
         shapes = [(response + rounding**2) / (1.0 + rounding**2) for response in responses]
         cost = [
             3.0 * seen.count @ np.log(shape) + seen.count.sum() * np.sum(np.log((power / shape) @ seen.count))
             for shape in shapes
         ]
-        found.append(_scaled(left, *filters[int(np.argmin(cost))], rounding))
-    return min(found, key=lambda pair: pair[1])[0]
+        window, degree = filters[int(np.argmin(cost))]
+        unit = DifferentiationNoise(readonly(np.ones(3)), window=window, degree=degree, rounding=rounding)
+        found.append(_scaled(unit, bare))
+    return max(found, key=bare.log_likelihood)
 
 
 def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> DifferentiationNoise:
@@ -102,25 +103,18 @@ def sharpened(noise: DifferentiationNoise, left: NoiseSample) -> Differentiation
     left = left.without_trial_shapes()
 
     def rounded(log_share: float) -> DifferentiationNoise:
-        tried = replace(noise, rounding=float(np.exp(log_share)))
-        return replace(tried, sigma=readonly(tried.sigma * left.whitened_sigma(tried)))
-
-    def cost(log_share: float) -> float:
-        return -left.log_likelihood(rounded(log_share))
+        return _scaled(replace(noise, rounding=float(np.exp(log_share))), left)
 
     middle = np.log(noise.rounding)
-    bounds = (middle - _NEAR, middle + _NEAR)
-    found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _FINE})
-    best = float(checked(np.asarray([found.x, found.fun]))[0])
-    return rounded(best)
+    found = optimize.minimize_scalar(
+        lambda log_share: -left.log_likelihood(rounded(log_share)),
+        bounds=(middle - _NEAR, middle + _NEAR),
+        method="bounded",
+        options={"xatol": _FINE},
+    )
+    return rounded(float(checked(np.asarray([found.x, found.fun]))[0]))
 
 
-def _scaled(left: NoiseSample, window: int, degree: int, rounding: float) -> tuple[DifferentiationNoise, float]:
-    """Return the noise with its likeliest sigma, and minus twice its log-likelihood less a constant."""
-    unit = DifferentiationNoise(readonly(np.ones(3)), window=window, degree=degree, rounding=rounding)
-    series = list(zip(left.trials, left.masks, left.residuals, strict=True))
-    white = np.concatenate([unit.whiten(*arguments) for arguments in series])
-    variance = np.mean(white**2, axis=0)
-    determinant = sum(unit.log_determinant(trial, mask) for trial, mask, _ in series)
-    cost = len(white) * float(np.sum(np.log(variance))) + determinant
-    return replace(unit, sigma=readonly(np.sqrt(variance))), cost
+def _scaled(noise: DifferentiationNoise, left: NoiseSample) -> DifferentiationNoise:
+    """Return the noise with its likeliest sigma."""
+    return replace(noise, sigma=readonly(noise.sigma * left.whitened_sigma(noise)))

@@ -52,11 +52,6 @@ class ErrorsInVariables(Noise):
         """Return the log determinant of the covariance on the counted samples of a trial."""
         return self.base.log_determinant(trial, mask) + float(np.sum(np.log1p(self._span(trial, mask)[1] ** 2)))
 
-    def simulate(self, trial: Trial, rng: np.random.Generator) -> FloatArray:
-        """Draw noise (n, 3) at the samples of a trial."""
-        loadings = self.loadings(trial)
-        return self.base.simulate(trial, rng) + loadings @ rng.standard_normal(loadings.shape[2])
-
     def cleared(self, trial: Trial, mask: BoolArray, block: FloatArray) -> tuple[FloatArray, float]:
         """Return residuals (n, 3) less the likeliest errors of the angles, and the degrees of freedom that these took.
 

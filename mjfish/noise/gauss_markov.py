@@ -29,8 +29,7 @@ _TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 #: such.
 _LONGEST = 1.0 / 3.0
 #: Draws of the drift that the spectrum leaves open, from a grid of this many sizes and times.
-_DRAWS = 24
-_SIZES, _TIMES_BETWEEN = 49, 25
+_DRAWS, _SIZES, _TIMES_BETWEEN = 24, 49, 25
 #: Complex step, too small to be rounded.
 _IMAGINARY = 1e-30
 #: Share of the ordinates of a periodogram that are independent where Hann's window joins neighbours:
@@ -66,7 +65,7 @@ class GaussMarkov(Noise):
 def _gains(sigma: float, drift: float, decay: float, seen: bytes) -> Gains:
     unit = np.ones((1, 1))
     return gains(
-        decay * unit[None], drift**2 * (1.0 - decay**2) * unit[None], unit, sigma**2 * unit, drift**2 * unit,
+        decay * unit[None], drift**2 * (1.0 - decay**2) * unit[None], unit, np.array([sigma**2]), drift**2 * unit,
         np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 

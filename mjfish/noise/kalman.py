@@ -1,10 +1,15 @@
 """Whitening by a Kalman filter: exact from the first sample on, and where samples are missing.
 
-Noise v with a state s,   s_{t+1} = F_t s_t + w_t,  v_t = H s_t + e_t,   is a triangular transform of white innovations,
+Noise v with a state s,   s_{t+1} = F_t s_t + w_t,  v_t = H s_t + e_t,   is a triangular transform of white innovations.
+The e_t of a sample's channels are independent, so that one channel after the other is told: of channel c, with what is
+known before it,
 
-    i_t = v_t - H s_t|t-1,   S_t = H P_t|t-1 H' + R,   white_t = chol(S_t)^-1 i_t,   s_t|t = s_t|t-1 + K_t i_t
+    S = h P h' + r,   white = (v_c - h s) / sqrt(S),   g = P h' / sqrt(S),   s <- s + g white,   P <- P - g g'
 
 ([Kalman1960]; [Jones1980] on missing samples). The gains depend on the model alone and are made once; then residuals
+and sensitivities pass the same linear filter.
+
+[Kalman1960]; [Jones1980] on missing samples). The gains depend on the model alone and are made once; then residuals
 and sensitivities pass the same linear filter.
 
 [Kalman1960] R. E. Kalman, J. Basic Engineering 82. [Jones1980] R. H. Jones, Technometrics 22.
@@ -65,21 +70,23 @@ class Gains:
     Attributes:
         transition: F_t (d, d), from sample t to t + 1.
         reading: H_t (m, d).
-        gain: (n, d, m) K_t; zero where the sample is missing.
-        root: (n, m, m) inverse of the Cholesky factor of S_t.
-        log_determinant: sum of log det S_t over the samples that are there.
+        gain: (n, d, m) g of each channel; zero where the sample is missing.
+        scale: (n, m) 1 / sqrt(S) of each channel; zero where the sample is missing.
     """
 
     transition: Sparse
     reading: Sparse
     gain: FloatArray
-    root: FloatArray
-    log_determinant: float
+    scale: FloatArray
+
+    @property
+    def log_determinant(self) -> float:
+        """Sum of log S over the samples that are there: log determinant of the covariance."""
+        return -2.0 * float(np.sum(np.log(self.scale[self.scale > 0.0])))
 
     def scaled(self, sigma: float) -> Gains:
-        """Return the filter of the noise times sigma; the filter is one of a single channel."""
-        determinant = self.log_determinant + np.count_nonzero(self.root) * float(np.log(sigma**2))
-        return replace(self, root=self.root / sigma, log_determinant=determinant)
+        """Return the filter of the noise times sigma."""
+        return replace(self, gain=self.gain * sigma, scale=self.scale / sigma)
 
 
 def gains(
@@ -96,14 +103,14 @@ def gains(
         transition: (n or 1, d, d) F_t.
         drive: (n or 1, d, d) covariance of w_t.
         reading: (m, d) H, or (n, m, d) where it changes.
-        spread: (m, m) covariance R of e_t.
+        spread: (m,) variances of e_t.
         start: (d, d) covariance of the state at the first sample.
         seen: (n,) whether there is a sample.
     """
     n, (m, d), moves, read = len(seen), reading.shape[-2:], Sparse.of(transition), Sparse.of(reading)
-    gain, root = np.zeros((n, d, m)), np.zeros((n, m, m))
-    total = advance(moves, np.ascontiguousarray(drive), read, spread[None], start.copy(), seen.copy(), gain, root)
-    return Gains(moves, read, gain, root, float(total))
+    gain, scale = np.zeros((n, d, m)), np.zeros((n, m))
+    advance(moves, np.ascontiguousarray(drive), read, spread[None], start.copy(), seen.copy(), gain, scale)
+    return Gains(moves, read, gain, scale)
 
 
 @compiled
@@ -115,49 +122,42 @@ def advance(
     covariance: FloatArray,
     seen: BoolArray,
     gain: FloatArray,
-    root: FloatArray,
-) -> float:
-    """Write gains and roots of a stretch of samples; return what they add to the log determinant.
+    scale: FloatArray,
+) -> None:
+    """Write gains and scales of a stretch of samples.
 
-    Loops, for numba takes seven seconds to compile products and factors of matrices.
+    Loops, for numba takes seven seconds to compile products of matrices.
 
     Args:
         transition, drive, reading, spread, seen: as of `gains`; (n or 1, ...).
         covariance: (d, d) of the state at the first sample; becomes that behind the last.
-        gain, root: as of `Gains`.
+        gain, scale: as of `Gains`.
     """
-    total = 0.0
     d, m = gain.shape[1:]
-    across, innovation = np.empty((m, d)), np.empty((m, m))  # H P, S
-    ahead, turned, here = np.empty((d, d)), np.empty((d, d)), np.empty((d, m))
+    across = np.empty((1, d))  # h P, then g'
+    ahead, turned = np.empty((d, d)), np.empty((d, d))
     for t in range(seen.shape[0]):
+        value, white = reading.value[min(t, reading.value.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
         if seen[t]:
-            value, white = reading.value[min(t, reading.value.shape[0] - 1)], spread[min(t, spread.shape[0] - 1)]
-            _product(reading, value, covariance, across)
-            for i in range(m):
-                for j in range(m):
-                    innovation[i, j] = white[i, j]
+            for c in range(m):
+                for i in range(d):
+                    across[0, i] = 0.0
                 for e in range(value.shape[0]):
-                    innovation[i, reading.row[e]] += across[i, reading.column[e]] * value[e]
-            factor = root[t]
-            _invert_root(innovation, factor)
-            for k in range(m):
-                total -= 2.0 * np.log(factor[k, k])
-            for i in range(d):
-                for j in range(m):
-                    here[i, j] = 0.0
-                    for k in range(m):
-                        weight = 0.0  # of the inverse of S
-                        for n in range(m):
-                            weight += factor[n, k] * factor[n, j]
-                        here[i, j] += across[k, i] * weight
-                    gain[t, i, j] = here[i, j]
-            for i in range(d):
-                for k in range(m):
-                    for j in range(d):
-                        covariance[i, j] -= here[i, k] * across[k, j]
+                    if reading.row[e] == c:
+                        _add(across, 0, covariance, reading.column[e], value[e])
+                total = white[c]
+                for e in range(value.shape[0]):
+                    if reading.row[e] == c:
+                        total += across[0, reading.column[e]] * value[e]
+                if not total > 0.0:
+                    raise np.linalg.LinAlgError("a covariance is not positive definite")
+                scale[t, c] = 1.0 / np.sqrt(total)
+                for i in range(d):
+                    across[0, i] *= scale[t, c]
+                    gain[t, i, c] = across[0, i]
+                for i in range(d):
+                    _add(covariance, i, across, 0, -across[0, i])
         _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
-    return total
 
 
 @part
@@ -199,53 +199,19 @@ def _product(a: Sparse, value: FloatArray, b: FloatArray, out: FloatArray) -> No
         _add(out, a.row[e], b, a.column[e], value[e])
 
 
-@part
-def _invert_root(matrix: FloatArray, out: FloatArray) -> None:
-    """Write the inverse of the Cholesky factor of a matrix, whose lower triangle becomes that factor."""
-    n = matrix.shape[0]
-    for i in range(n):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            for k in range(j):
-                rest -= matrix[i, k] * matrix[j, k]
-            if i == j and not rest > 0.0:
-                raise np.linalg.LinAlgError("a covariance is not positive definite")
-            matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
-    for j in range(n):
-        out[j, j] = 1.0 / matrix[j, j]
-        for i in range(j + 1, n):
-            total = 0.0
-            for k in range(j, i):
-                total -= matrix[i, k] * out[k, j]
-            out[i, j] = total / matrix[i, i]
-
-
 def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray:
     """Return the white innovations (samples seen, m, k) of columns (samples seen, m, k)."""
     out = np.empty_like(columns)
-    _whiten(
-        filter_.transition, filter_.reading, filter_.gain, filter_.root, seen, np.ascontiguousarray(columns), out
-    )  # fmt: skip
+    _whiten(filter_.transition, filter_.reading, filter_.gain, filter_.scale, seen, np.ascontiguousarray(columns), out)
     return out
-
-
-def coloured(filter_: Gains, seen: BoolArray, white: FloatArray) -> FloatArray:
-    """Return noise (samples seen, m) that `whitened` makes `white` (samples seen, m): the inverse transform."""
-    state, rows, out = np.zeros(filter_.gain.shape[1]), iter(white), []
-    for t in range(len(seen)):
-        if seen[t]:
-            innovation = np.linalg.solve(filter_.root[t], next(rows))
-            out.append(filter_.reading.at(t) @ state + innovation)
-            state = state + filter_.gain[t] @ innovation
-        state = filter_.transition.at(t) @ state
-    return np.array(out)
 
 
 def filtered_states(filter_: Gains, series: FloatArray) -> FloatArray:
     """Return the states s_t|t (n, d) of channels (n, m); what stands where no sample is seen is ignored."""
+    white = whitened(filter_, np.ones(len(series), dtype=np.bool_), series[:, :, None])
     states, state = np.empty(filter_.gain.shape[:2]), np.zeros(filter_.gain.shape[1])
-    for t, gain in enumerate(filter_.gain):  # zero where a sample is missing
-        states[t] = state = state + gain @ (series[t] - filter_.reading.at(t) @ state)
+    for t, innovation in enumerate(white[:, :, 0]):
+        states[t] = state = state + filter_.gain[t] @ innovation
         state = filter_.transition.at(t) @ state
     return states
 
@@ -255,7 +221,7 @@ def _whiten(
     transition: Sparse,
     reading: Sparse,
     gain: FloatArray,
-    root: FloatArray,
+    scale: FloatArray,
     seen: BoolArray,
     columns: FloatArray,
     out: FloatArray,
@@ -264,22 +230,18 @@ def _whiten(
     width = columns.shape[2]
     state = np.zeros((d, width))
     ahead = np.zeros((d, width))
-    innovation = np.zeros((m, width))
     row = 0
     for t in range(seen.shape[0]):
         if seen[t]:
             value = reading.value[min(t, reading.value.shape[0] - 1)]
-            for i in range(m):
+            for c in range(m):
                 for k in range(width):  # numba compiles three seconds of error messages for a slice
-                    innovation[i, k], out[row, i, k] = columns[row, i, k], 0.0
-            for e in range(value.shape[0]):
-                _add(innovation, reading.row[e], state, reading.column[e], -value[e])
-            for i in range(d):
-                for j in range(m):
-                    _add(state, i, innovation, j, gain[t, i, j])
-            for i in range(m):
-                for j in range(i + 1):
-                    _add(out[row], i, innovation, j, root[t, i, j])
+                    out[row, c, k] = columns[row, c, k] * scale[t, c]
+                for e in range(value.shape[0]):
+                    if reading.row[e] == c:
+                        _add(out[row], c, state, reading.column[e], -value[e] * scale[t, c])
+                for i in range(d):
+                    _add(state, i, out[row], c, gain[t, i, c])
             row += 1
         _product(transition, transition.value[min(t, transition.value.shape[0] - 1)], state, ahead)
         state, ahead = ahead, state

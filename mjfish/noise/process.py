@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy import linalg, optimize
@@ -53,7 +54,7 @@ class ProcessNoise(Noise):
         if key not in self._cache:
             transition, drive, start = self.matrices(self._jacobian(trial, len(seen)), trial.step)
             reading = np.concatenate([np.eye(3), np.zeros((3, 3))], axis=1)
-            self._cache[key] = gains(transition, drive[None], reading, np.diag(self.sigma**2), start, seen)
+            self._cache[key] = gains(transition, drive[None], reading, self.sigma**2, start, seen)
         return [self._cache[key]]
 
     def matrices(self, jacobian: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -84,29 +85,23 @@ def process_noise(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> Pro
     mean = np.mean([a.mean(axis=0) for a in own.values()], axis=0)
     spread = np.sqrt(np.mean(np.concatenate(left.residuals) ** 2, axis=0))
     start = np.log(np.concatenate([0.7 * spread, 0.7 * spread * np.abs(np.diag(mean))]))
-    found = []
-    for time in _TIMES:
-
-        def cost(x: FloatArray, time: float = time) -> tuple[float, FloatArray]:
-            return _whittle(ProcessNoise(np.exp(x[:3]), push=np.exp(x[3:]), time=time), mean, seen, step)
-
-        bounds = [(s - 9.0, s + 4.0) for s in start]
-        found.append((optimize.minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds), time))
+    options: dict[str, Any] = {"jac": True, "method": "L-BFGS-B", "bounds": [(s - 9.0, s + 4.0) for s in start]}
+    found = [(optimize.minimize(_whittle, start, (time, mean, seen, step), **options), time) for time in _TIMES]
     best, time = min(found, key=lambda pair: float(pair[0].fun))
     checked(np.asarray(best.fun))
     return ProcessNoise(readonly(np.exp(best.x[:3])), push=readonly(np.exp(best.x[3:])), time=time, jacobians=own)
 
 
-def _whittle(noise: ProcessNoise, mean: FloatArray, seen: Spectrum, step: float) -> tuple[float, FloatArray]:
-    """Return minus Whittle's log-likelihood, and its gradient (6,) by the logarithms of both standard deviations."""
-    turn = 2.0 * np.pi * seen.frequency
+def _whittle(x: FloatArray, time: float, mean: FloatArray, seen: Spectrum, step: float) -> tuple[float, FloatArray]:
+    """Return minus Whittle's log-likelihood, and its gradient (6,), at logarithms x of both standard deviations."""
+    (sigma, push), turn = np.exp(x.reshape(2, 3)), 2.0 * np.pi * seen.frequency
     h = np.linalg.inv(1j * turn[:, None, None] * np.eye(3) - mean)
-    q = 2.0 * noise.push**2 * noise.time / (1.0 + (turn[:, None] * noise.time) ** 2)
-    density = np.einsum("fij,fj,fkj->fik", h, q, h.conj()) + np.diag(noise.sigma**2) * step
+    q = 2.0 * push**2 * time / (1.0 + (turn[:, None] * time) ** 2)
+    density = np.einsum("fij,fj,fkj->fik", h, q, h.conj()) + np.diag(sigma**2) * step
     inverse = np.linalg.inv(density)
     explained = inverse @ seen.power
     value = float(seen.count @ (np.linalg.slogdet(density)[1] + np.einsum("fii->f", explained).real))
     slopes = inverse - explained @ inverse
-    white = 2.0 * noise.sigma**2 * step * (seen.count @ np.einsum("fcc->fc", slopes).real)
+    white = 2.0 * sigma**2 * step * (seen.count @ np.einsum("fcc->fc", slopes).real)
     pushed = 2.0 * seen.count @ (q * np.einsum("fij,fik,fkj->fj", h.conj(), slopes, h).real)
     return value, np.concatenate([white, pushed])

@@ -27,8 +27,6 @@ _DRAWS, _LEAST = 16, 0.02
 _HIGHEST, _BANDS = 0.45, 40
 #: What the columns of single trials leave of whitened columns of all, below this share of the longest, is rounding.
 _DUST = 1e-8
-#: P values at which the outermost two samples of either end are too large, and the others for the end to reach there.
-_ALARM, _REACH = 1e-4, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +39,11 @@ class NoiseSample:
         residuals: (n_r, 3) per trial, in physical units.
         scale: (3,) sigma by which channels were weighed when the columns were taken out.
         span: (n_r, 3, k) per trial, what was taken out of all; as columns divided by `scale`, orthonormal.
-        apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those.
+        apart: (n_r, 3, m) per trial, what was taken out of it alone, likewise, and orthogonal to those; beside it, of
+            `without_trial_shapes`, what the likelihood alone leaves out.
         lost: degrees of freedom per channel that it took.
         shapes: per trial, returns functions (n_r, 3, m) that the residuals of all trials may share if something is
             wrong; they are many.
-        trial_columns: (n_r, 3, m) per trial, divided by `scale` orthonormal, what the likelihood leaves out of that
-            trial alone.
     """
 
     trials: tuple[Trial, ...]
@@ -57,7 +54,6 @@ class NoiseSample:
     apart: list[FloatArray]
     lost: float = 0.0
     shapes: Sequence[Callable[[], FloatArray]] | None = None
-    trial_columns: list[FloatArray] | None = None
 
     @classmethod
     def of(
@@ -96,11 +92,9 @@ class NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
         residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
-        masks = [self.masks[i] for i in index]
-        shapes = None if self.shapes is None else [self.shapes[i] for i in index]
-        own = None if self.trial_columns is None else [self.trial_columns[i] for i in index]
-        trials = tuple(self.trials[i] for i in index)
-        return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes, own)
+        masks, trials = [self.masks[i] for i in index], tuple(self.trials[i] for i in index)
+        shapes = self.shapes and [self.shapes[i] for i in index]
+        return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes)
 
     def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
@@ -135,7 +129,8 @@ class NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
         flat = (self._flat(shape()) for shape in self.shapes or [])
         own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
-        return replace(self, trial_columns=own or None)
+        pairs = zip(self.apart, own, strict=True)
+        return replace(self, apart=[np.concatenate(pair, axis=2) for pair in pairs]) if own else self
 
     def autoregressive(self) -> Autoregressive:
         """Estimate autoregressive noise, order by BIC."""
@@ -162,22 +157,18 @@ class NoiseSample:
     def _whitened(self, noise: Noise) -> tuple[FloatArray, FloatArray]:
         """Return the whitened residual (n, 3) less its part in the whitened columns X, and the lengths (k,) of these.
 
-        The product of the lengths is the root of det X' X; what the columns of all trials share with the `own` ones of
-        each counts once.
+        The product of the lengths is the root of det X' X; what columns of a trial share counts once.
         """
         lengths, longest, rows = [], 0.0, self.rows
         both = np.zeros((sum(block.size for block in self.residuals), 1 + self.span[0].shape[2]))
         for i, (trial, mask) in enumerate(zip(self.trials, self.masks, strict=True)):
             taken = [self.residuals[i][:, :, None], self.span[i], self.apart[i]]
-            taken.append(self.span[i][:, :, :0] if self.trial_columns is None else self.trial_columns[i])
             white = noise.whiten(trial, mask, np.concatenate(taken, axis=2)).reshape(3 * len(taken[0]), -1)
-            joint, apart, own = np.split(white, np.cumsum([1 + taken[1].shape[2], taken[2].shape[2]]), axis=1)
-            q, r = np.linalg.qr(own)
-            lengths.append(np.abs(np.diag(r)))
-            more, sizes, _ = np.linalg.svd(project_out(q, apart), full_matrices=False)
-            solid = sizes > _DUST * np.linalg.norm(apart, axis=0).max(initial=0.0)
-            lengths.append(sizes[solid])
-            both[rows[i]] = project_out(more[:, solid], project_out(q, joint))
+            joint, apart = np.split(white, [both.shape[1]], axis=1)
+            size = np.linalg.norm(apart, axis=0).max(initial=0.0)
+            q, sizes, _ = tall_svd(apart)
+            lengths.append(sizes[sizes > _DUST * size])
+            both[rows[i]] = project_out(q[:, sizes > _DUST * size], joint)
             longest = max(longest, float(np.linalg.norm(joint[:, 1:], axis=0).max(initial=0.0)))
         q, sizes, _ = tall_svd(both[:, 1:])
         solid = sizes > _DUST * longest

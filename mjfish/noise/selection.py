@@ -16,7 +16,7 @@ from scipy.signal import lfilter, unit_impulse
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, floor
 from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
-from mjfish.noise.gauss_markov import gauss_markov, longest
+from mjfish.noise.gauss_markov import GaussMarkov, gauss_markov, longest
 from mjfish.noise.kalman import Gains
 from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample, remaining_power
@@ -148,20 +148,19 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
     """Return the likeliest of autoregressive, Gauss-Markov, differentiation and process noise, and it in words."""
     if found.order == 0:
         return found, _described(found)
-    drift = gauss_markov(left, remaining_power(left))
     rough, forces = differentiation_noise(left), process_noise(left, jacobians())
-    likelihood = {model: left.log_likelihood(model) for model in (found, drift, rough, forces)}
-    if likelihood[forces] > max(likelihood[found], likelihood[drift], likelihood[rough]) + _LIKELIER:
+    models: tuple[Noise, ...] = (found, gauss_markov(left, remaining_power(left)), rough, forces)
+    likelihood = {model: left.log_likelihood(model) for model in models}
+    best = max(models[:-1], key=lambda model: likelihood[model])
+    if likelihood[forces] > likelihood[best] + _LIKELIER:
         return forces, f"{_pushed(forces)}; the innovations form of the fit is used"
-    if likelihood[rough] > max(likelihood[found], likelihood[drift]):
-        rough = sharpened(rough, left)
-        return rough, f"of positions differentiated over {rough.window} samples; sigma {_three(rough.sigma)}"
-    if likelihood[drift] > likelihood[found]:
-        under = f"under white noise of {_three(drift.sigma)}"
-        words = f"a drift of {_three(drift.drift)} over {_three(drift.time)} s {under}"
-        if np.any(drift.time > 0.99 * longest(left)):
-            words += "; these runs are too short to tell so slow a drift from an error of the model: record longer ones"
-        return drift, words
+    if isinstance(best, DifferentiationNoise):
+        best = sharpened(best, left)
+        return best, f"of positions differentiated over {best.window} samples; sigma {_three(best.sigma)}"
+    if isinstance(best, GaussMarkov):
+        slow = "; these runs are too short to tell so slow a drift from an error of the model: record longer ones"
+        words = f"a drift of {_three(best.drift)} over {_three(best.time)} s under white noise of {_three(best.sigma)}"
+        return best, words + (slow if np.any(best.time > 0.99 * longest(left)) else "")
     return found, _described(found)
 
 
@@ -179,6 +178,5 @@ def _three(values: FloatArray) -> str:
 def _described(noise: Autoregressive) -> str:
     """Return the noise in words, with the standard deviation of the process itself, not of its innovations."""
     kind = "white" if noise.order == 0 else f"autoregressive of order {noise.order}"
-    responses = [lfilter([1.0], [1.0, *-phi], unit_impulse(4000)) for phi in noise.phi]
-    sigma = noise.sigma * [float(np.linalg.norm(response)) for response in responses]
+    sigma = noise.sigma * [np.linalg.norm(lfilter([1.0], [1.0, *-phi], unit_impulse(4000))) for phi in noise.phi]
     return f"{kind}; sigma of surge, sway, yaw rate: {_three(sigma)}"

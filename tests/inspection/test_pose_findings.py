@@ -225,17 +225,35 @@ def test_headings_of_a_line_without_a_front_are_found() -> None:
     assert "tail to nose" in found[0].remedy
 
 
-def test_missing_frames_are_counted_in_a_remark() -> None:
+def test_missing_frames_are_counted_in_one_remark_a_run() -> None:
+    """With the channels that they are missing in. Catches a remark for every channel."""
     (trial, *others) = filmed().trials
     place, heading = trial.sensors
     kept = np.ones(len(place.time), dtype=np.bool_)
     kept[[50, 51, 52, 200]] = False
-    holed = replace(filmed(), trials=(replace(trial, sensors=(place.selected(kept, "never seen"), heading)), *others))
-    (found,) = (finding for finding in inspect(holed).findings if finding.code == "poses-missing")
-    assert found.severity == "remark"
-    assert found.place == f"trial '{trial.name}', position"
-    assert f"4 of {len(kept)} samples are missing, the longest gap is 0.08 s" in found.found
-    assert "never seen" in found.found
+    lost = f"4 of {len(kept)} samples are missing, the longest gap is 0.08 s"
+    out = [f"{name}: 4 of {len(kept)} samples left out: never seen" for name in ("position", "heading")]
+    fewer = kept & (np.arange(len(kept)) != 100)
+    more = f"5 of {len(kept)} samples"
+    holed = place.selected(kept, "never seen")
+    for other, channels, told in (
+        (heading, ("position",), [out[0], lost]),
+        (heading.selected(kept, "never seen"), ("position", "heading"), [*out, lost]),
+        (
+            heading.selected(fewer, "blurred"),
+            ("position", "heading"),
+            [
+                out[0],
+                f"heading: {more} left out: blurred",
+                f"position: {lost}",
+                f"heading: {more} are missing, the longest gap is 0.08 s",
+            ],
+        ),
+    ):
+        dataset = replace(filmed(), trials=(replace(trial, sensors=(holed, other)), *others))
+        (found,) = (finding for finding in inspect(dataset).findings if finding.code == "poses-missing")
+        assert (found.severity, found.channels, found.found) == ("remark", channels, "; ".join(told))
+        assert found.place == f"trial '{trial.name}', {' and '.join(channels)}"
 
 
 def test_runs_of_joints_without_velocities_are_told_what_is_missing() -> None:

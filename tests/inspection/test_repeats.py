@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bad_data import SIGMA, good, only, remarked, spoiled, velocity, wrong
+from bad_data import SIGMA, good, only, remarked, spoiled, velocity
 from scipy import signal
 
 from mjfish.data import Dataset, Trial
@@ -73,4 +73,3 @@ def test_a_clock_that_is_free_may_differ_between_repeats() -> None:
     free = noise_from_repeats(replace(apart, clock="free"))
     assert free is not None
     assert free.sigma[1] < 4.0 * SIGMA[1]
-    assert wrong(inspect(good())) == []

@@ -53,18 +53,6 @@ def test_autoregressive_coefficients_and_innovations_come_back() -> None:
     np.testing.assert_allclose(found.sigma, SIGMA, rtol=0.05)
 
 
-def test_whitening_makes_unit_white_noise_of_what_the_model_describes() -> None:
-    noise = Autoregressive(readonly(SIGMA), readonly(PHI))
-    block = _coloured(2, trials=1)[0]
-    white = _whiten(noise, block)
-    assert white.shape == block.shape
-    n = len(white)
-    assert np.all(np.abs(white.std(axis=0) - 1.0) < 5.0 / np.sqrt(2 * n))
-    for lag in (1, 2, 3, 7):
-        assert np.all(np.abs(_correlation(white, lag)) < 5.0 / np.sqrt(n))
-    assert np.all(_correlation(block, 1) > 0.3)
-
-
 def test_whitening_by_the_estimate_makes_white() -> None:
     white = _whiten(estimate(_coloured(3)), _coloured(4, trials=1)[0])
     assert np.all(np.abs(_correlation(white, 1)) < 0.08)

@@ -116,23 +116,6 @@ def test_noise_is_whitened_from_the_first_sample_on_and_over_gaps(
 
 
 @pytest.mark.parametrize("noise", [COLOURED, DRIFTING, ROUGH, PUSHED], ids=["ar", "drift", "differentiated", "forces"])
-def test_whitening_takes_back_what_simulation_does(noise: Any) -> None:
-    """One draw of unit white noise comes back, also over a gap. Catches a simulation that starts or steps otherwise."""
-    trial = _trial(300)
-    trial.time = np.delete(trial.time, [100, 101, 150])
-    drawn = noise.simulate(trial, np.random.default_rng(5))
-    white = noise.whiten(trial, np.ones(297, dtype=np.bool_), drawn)
-    np.testing.assert_allclose(white, np.random.default_rng(5).standard_normal((297, 3)), atol=1e-9)
-
-
-def test_the_kalman_filter_is_the_recursion_where_the_past_is_known() -> None:
-    block = _coloured(np.random.default_rng(1), 300)
-    exact = COLOURED.whiten(_trial(300), np.ones(300, dtype=np.bool_), block)
-    lagged = sum(COLOURED.phi[:, k] * block[1 - k : 299 - k] for k in range(2))
-    np.testing.assert_allclose(exact[2:], (block[2:] - lagged) / SIGMA, rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("noise", [COLOURED, DRIFTING, ROUGH, PUSHED], ids=["ar", "drift", "differentiated", "forces"])
 def test_the_log_determinant_is_that_of_the_filter(noise: Any) -> None:
     """Whitening is a triangular matrix L^-1: log det of the covariance is -2 sum log of its diagonal."""
     samples = 60
