@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mjfish.data.importers.smoothing import IntArray, Linearised
 from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.block_angular import IntArray
 
 ComplexArray = NDArray[np.complex128]
 
@@ -32,6 +32,21 @@ _CAMERA = 5
 #: Beliefs about joint angles and their differences from joint to joint [rad]: wide; they keep a zigzag of neighbours,
 #: to which the markers are nearly blind, from growing.
 ANGLE, ZIGZAG = 0.5, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Predicted points and their derivatives.
+
+    Attributes:
+        value: (n, points, d).
+        of_frame: (n, points, d, coordinates) by the coordinates of the frame.
+        shared: (n, points, d, shared) by what all frames share.
+    """
+
+    value: FloatArray
+    of_frame: FloatArray
+    shared: FloatArray
 
 
 @dataclass(frozen=True)
@@ -94,12 +109,12 @@ class Chain:
 
     @property
     def kinds(self) -> IntArray:
-        """X and y, yaw, joint angles, slips."""
+        """X and y, yaw, joint angles, slips (coordinates,): those of one number are equally smooth."""
         return np.array([0, 0, 1] + [2] * self.joints + [3] * len(self.planes))
 
     @functools.cached_property
     def belief(self) -> FloatArray:
-        """Scale, gradient (2), shift (2) and scale of each plane, then along and across of each marker."""
+        """Deviations from zero believed (shared,): scale, gradient (2), oblique (2), each plane (3), each marker (2)."""
         planes = [[plane.shift, plane.shift, PLANE] for plane in self.planes]
         markers = [[max(marker.along, 1e-9), max(marker.across, 1e-9)] for marker in self.markers]
         return np.concatenate([[SCALE, GRADIENT, GRADIENT, OBLIQUE, OBLIQUE], *planes, *markers])
@@ -115,7 +130,7 @@ class Chain:
 
     @functools.cached_property
     def form(self) -> FloatArray:
-        """Precision of joint angles, of their differences from joint to joint, and of the slips."""
+        """Precision, once for every look, of joint angles, of their differences from joint to joint, and of slips."""
         joints = np.eye(self.joints)
         zigzag = np.diff(joints, axis=0)
         form = np.zeros((self.coordinates, self.coordinates))
@@ -168,11 +183,10 @@ class Chain:
         own[..., 2] -= slip * direction[:, :1]
         own[..., 3 + joints :] = across[:, None, None] * self._in
         by = np.zeros((n, count, len(shared)), dtype=np.complex128)
-        for g in range(len(self.planes)):
-            by[..., _CAMERA + 3 * g] = self._in[:, g]
-            by[..., _CAMERA + 1 + 3 * g] = 1j * self._in[:, g]
-            by[..., _CAMERA + 2 + 3 * g] = far * self._in[:, g]
         first = _CAMERA + 3 * len(self.planes)
+        by[..., _CAMERA:first:3] = self._in
+        by[..., _CAMERA + 1 : first : 3] = 1j * self._in
+        by[..., _CAMERA + 2 : first : 3] = far[..., None] * self._in
         for m, marker in enumerate(self.markers):
             by[:, m, first + 2 * m] = zoom[m] * direction[:, marker.link]
             by[:, m, first + 2 * m + 1] = 1j * zoom[m] * direction[:, marker.link]

@@ -16,17 +16,10 @@ from scipy.ndimage import median_filter
 
 from mjfish.data import Dataset
 from mjfish.data.importers.chain import Chain, Marker, Plane
-from mjfish.data.importers.mapping import MarkersMap, fish_of, layout, read_mapping
-from mjfish.data.importers.report import Cut, FileReport, ImportReport
+from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
+from mjfish.data.importers.report import Cut, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
-from mjfish.data.importers.trials import (
-    Recording,
-    assign_roles,
-    check_distinct,
-    record,
-    stretch_names,
-    with_noise,
-)
+from mjfish.data.importers.trials import Run, assembled, record, stretch_names, with_noise
 from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
@@ -190,32 +183,27 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
         InputError: too few markers are left for the pose or the joint angles.
     """
     dropped: list[int] = []
-    exchanged, mended = 0, False
-    while True:
-        with located(str(path)):
-            unused = np.isin(np.arange(measured.shape[1]), dropped)
-            fit, chain = _fit(np.where(unused[:, None], np.nan, measured), marked, rate)
-        if not mended:
-            mended = True
-            put_back, found = undo_exchanges(measured, fit)
-            if found.any():
-                measured, exchanged = put_back, int(found.sum())
-                continue
-        worst = _worst(fit, chain, marked, dropped)
-        if worst is None:
-            break
+    fit, chain = _fit(measured, dropped, marked, rate, path)
+    measured, found = undo_exchanges(measured, fit)
+    if found.any():
+        fit, chain = _fit(measured, dropped, marked, rate, path)
+    while (worst := _worst(fit, chain, marked, dropped)) is not None:
         dropped.append(worst)
-        _enough(dropped, fit, measured, marked, path)
-    return Track(fit, _astray(measured, fit, chain), tuple(dropped), exchanged)
+        _enough(dropped, marked, path)
+        fit, chain = _fit(measured, dropped, marked, rate, path)
+    return Track(fit, _astray(measured, fit, chain), tuple(dropped), int(found.sum()))
 
 
-def _fit(measured: FloatArray, marked: Marked, rate: float) -> tuple[Fit, Chain]:
-    chain = Chain(measured, marked.lengths, marked.markers, marked.planes)
+def _fit(measured: FloatArray, dropped: Sequence[int], marked: Marked, rate: float, path: Path) -> tuple[Fit, Chain]:
+    used = measured.copy()
+    used[:, dropped] = np.nan
+    chain = Chain(used, marked.lengths, marked.markers, marked.planes)
     time = np.arange(len(measured)) / rate
-    start, lateral = _start(steadied(measured), marked, chain)
+    start, lateral = _start(steadied(used), marked, chain)
     hertz, periodic = beat_frequency(time, lateral)
     first = hertz if periodic else None
-    return smooth(chain, Basis.of(time, first, HARMONICS), first, start, _SIGMA), chain
+    with located(str(path)):
+        return smooth(chain, Basis.of(time, first, HARMONICS), first, start, _SIGMA), chain
 
 
 def _start(seen: FloatArray, marked: Marked, chain: Chain) -> tuple[FloatArray, FloatArray]:
@@ -251,11 +239,11 @@ def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> in
     return worst if candidates[worst] > 1.0 else None
 
 
-def _enough(dropped: Sequence[int], fit: Fit, measured: FloatArray, marked: Marked, path: Path) -> None:
+def _enough(dropped: Sequence[int], marked: Marked, path: Path) -> None:
     left = len(marked.behind) - len(dropped)
     joints = len(marked.lengths) - 1
     if left < joints:
-        named = ", ".join(f"{marked.names[m]}" for m in sorted(dropped))
+        named = ", ".join(marked.names[m] for m in sorted(dropped))
         raise InputError(
             f"{path}: no joint angles to be had: markers {named} are lost, exchanged or not where they belong, which "
             f"leaves {left} behind the head, expected {joints} or more; track these markers again, or leave this file "
@@ -274,15 +262,6 @@ def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
 _LEAST_SECONDS = 1.0
 #: Longest piece of a film that is smoothed at once [s]: time and memory go with the cube of its length.
 _LONGEST_SECONDS = 10.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Imported:
-    """A piece of a file: its trials without roles, its report, and whether all markers were used."""
-
-    recording: Recording
-    report: FileReport
-    complete: bool
 
 
 def import_markers(
@@ -311,39 +290,25 @@ def import_markers(
         InputError: a file is not a marker file, or has no stretch of two beats with all that is needed.
         UnknownNameError: `held_out` names nothing, or the mapping names no link of the fish.
     """
-    table = read_mapping(mapping, MarkersMap, importer)
-    assert mapping is not None  # noqa: S101 - read refuses None
-    fish = fish_of(table, mapping)
-    marked = Marked.of(table, fish, mapping)
-    by_file = [_import(path, table, marked, (read or read_points)(path, table)) for path in files]
-    names = [_run_name(path, table) for path in files]
-    check_distinct(names, files)
-    pieces = [(name, piece) for name, found in zip(names, by_file, strict=True) for piece in found]
-    pairs = [(name, trial) for name, piece in pieces for trial in piece.recording.trials]
-    doubtful = [not piece.complete for _, piece in pieces for _ in piece.recording.trials]
-    dataset = Dataset(
-        name=f"{importer} {', '.join(names)}",
-        fish=fish,
-        trials=assign_roles(pairs, held_out, doubtful),
-    )
-    dataset = with_noise(dataset, [piece.recording for _, piece in pieces])
-    return dataset, ImportReport(importer, tuple(piece.report for _, piece in pieces))
+    table, fish, place = read_mapping(mapping, MarkersMap, importer)
+    marked = Marked.of(table, fish, place)
+    runs = [run for path in files for run in _import(path, table, marked, (read or read_points)(path, table))]
+    dataset, report = assembled(runs, fish, held_out, importer, importer)
+    return with_noise(dataset, runs), report
 
 
-def _run_name(path: Path, table: MarkersMap) -> str:
-    return path.stem.removeprefix(table.prefix)
-
-
-def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -> list[_Imported]:
+def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -> list[Run]:
     """Import a file, a long one in pieces of equal length; those that cannot be used are cut out, if others can."""
     position, scale = metres(path, points, table, marked)
-    found: list[_Imported] = []
+    found: list[Run] = []
     cuts: list[Cut] = []
     count = int(np.ceil(len(position) / (_LONGEST_SECONDS * table.rate)))
     ends = [len(position) * k // count for k in range(count + 1)]
-    for label, (first, end) in zip(stretch_names(_run_name(path, table), count), pairwise(ends), strict=True):
+    name = path.stem.removeprefix(table.prefix)
+    for label, (first, end) in zip(stretch_names(name, count), pairwise(ends), strict=True):
         try:
-            found.append(_piece(position[first:end], scale, table, marked, path, label, first / table.rate))
+            piece = _piece(position[first:end], scale, table, marked, path, label, first / table.rate)
+            found.append(replace(piece, name=name))
         except InputError as error:
             if count == len(cuts) + 1:  # all before it were lost, too
                 raise
@@ -354,26 +319,19 @@ def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -
 
 def _piece(
     position: FloatArray, scale: float, table: MarkersMap, marked: Marked, path: Path, label: str, begin: float
-) -> _Imported:
+) -> Run:
     """Import a piece of a film, under a name of its own, that begins at a time of the file [s]."""
     track = fit_track(position, marked, table.rate, path)
     seen, reasons = _seen(track, marked)
-    recording = record(track.fit, len(marked.lengths) - 1, seen, reasons, label, path, marked.roll(track.fit))
-    report = FileReport(
-        path=path,
-        trials=tuple(trial.name for trial in recording.trials),
-        frames=len(position),
+    roll = marked.roll(track.fit)
+    trials, report = record(track.fit, len(marked.lengths) - 1, seen, reasons, label, path, roll)
+    report = replace(
+        report,
         usable=int((~track.astray[:, marked.behind]).all(axis=1).sum()),
-        kept=sum(len(trial.time) for trial in recording.trials),
-        beat=track.fit.beat,
-        speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
-        noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        correlation_time=recording.correlation_time,
-        joint_noise=recording.joint_noise,
-        cuts=tuple(replace(cut, start=cut.start + begin, end=cut.end + begin) for cut in recording.cuts),
-        notes=_notes(track, marked, recording, scale),
+        cuts=tuple(replace(cut, start=cut.start + begin, end=cut.end + begin) for cut in report.cuts),
+        notes=_notes(track, marked, report.notes, scale),
     )
-    return _Imported(recording, report, not track.dropped)
+    return Run(label, trials, report, not track.dropped)
 
 
 def read_points(path: Path, table: MarkersMap) -> FloatArray:
@@ -414,25 +372,23 @@ def _seen(track: Track, marked: Marked) -> tuple[BoolArray, dict[int, str]]:
     return np.asarray(~lost.any(axis=1)), reasons
 
 
-def _notes(track: Track, marked: Marked, recording: Recording, scale: float) -> tuple[str, ...]:
+def _notes(track: Track, marked: Marked, bridged: Sequence[str], scale: float) -> tuple[str, ...]:
     notes = [
         f"marker {marked.names[m]} lost in {int(track.astray[:, m].sum())} frames and not used"
         for m in sorted(track.dropped)
     ]
     if track.exchanged:
         notes.append(f"markers exchanged in {track.exchanged} frames and put back")
-    if recording.bridged:
-        notes.append(f"{recording.bridged} frames with lost markers bridged")
     spread = 1e3 * float(np.median(track.fit.sigma / np.sqrt(track.fit.frames)))
-    notes.append(
+    known = (
         f"markers known to {spread:.2g} mm ({spread / scale / 1e3:.2g} pixels), errors correlated over "
         f"{float(np.median(track.fit.frames)):.0f} frames"
     )
-    return tuple(notes)
+    return (*notes, *bridged, known)
 
 
 def import_fishsim(
     files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
 ) -> tuple[Dataset, ImportReport]:
     """Import marker files of the folder Data/Markers of the repository, see `import_markers`."""
-    return import_markers(files, held_out, mapping or layout("fishsim"), importer="fishsim")
+    return import_markers(files, held_out, mapping or LAYOUTS / "fishsim.toml", importer="fishsim")
