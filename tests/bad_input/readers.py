@@ -24,7 +24,7 @@ from mjfish.comparison import rollouts
 from mjfish.data.importers import import_files
 from mjfish.data.importers.deeplabcut import read_tracks
 from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
-from mjfish.data.importers.markers import Marked, metres, read_points
+from mjfish.data.importers.markers import metres, placed, read_points
 from mjfish.design import load_fitted_models
 from mjfish.errors import MjfishError
 from mjfish.files import checksummed_json, tomlfile
@@ -341,7 +341,7 @@ def _points(folder: Path) -> Any:
     """Read a film up to its points in metres: fitting a motion to them is slow."""
     path = folder / "markers.toml"
     table, fish, _ = read_mapping(path, MarkersMap, "markers")
-    marked = Marked.of(table, fish, path)
+    marked = placed(table, fish, path)
     points, scale = metres(folder / "film.csv", read_points(folder / "film.csv", table), table, marked)
     return [{"scale": scale, "points": np.nan_to_num(points, posinf=math.inf, neginf=-math.inf)}]
 

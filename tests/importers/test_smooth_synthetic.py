@@ -34,7 +34,7 @@ class Errors:
 
 def _errors(swim: Swim, folder: Path) -> Errors:
     table, fish, place = read_mapping(LAYOUTS / "fishsim.toml", MarkersMap, "fishsim")
-    where = markers.Marked.of(table, fish, place)
+    where = markers.placed(table, fish, place)
     path = swim.write(folder / "markers_run.csv")
     points = markers.metres(path, markers.read_points(path, table), table, where)[0]
     found = nose_velocities(markers.fit_track(points, where, table.rate, path).fit)

@@ -275,7 +275,7 @@ def intensity_by_evidence(
     # The step of expectation maximisation, which is safe, lengthened where the data know few of the coefficients.
     ratio = (alike @ (squares + rank - known) + held) / (every + _HELD)
     longer = np.minimum(every / np.maximum(alike @ known, 1.0), _LONGEST)
-    return np.clip(state.intensity * ratio**longer, _LEAST * first, _MOST * first)
+    return np.asarray(np.clip(state.intensity * ratio**longer, _LEAST * first, _MOST * first))
 
 
 #: Degrees of freedom of the Student weights; points farther than so many sigma do not count in the end.

@@ -308,7 +308,7 @@ def _velocity_run(path: Path, source: _Source, table: VelocitiesMap) -> Run:
         source=path,
         **driven(table),
     )
-    complete = np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1)
+    complete: BoolArray = np.asarray(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1))
     trials: tuple[Trial, ...] = (whole,)
     kept = [(0, len(complete))]
     if not complete.all():
