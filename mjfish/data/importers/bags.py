@@ -20,7 +20,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from mjfish.data import Dataset
 from mjfish.data.importers.bag_messages import MOST, Messages, read_messages, topics
-from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+from mjfish.data.importers.mapping import MAPS, PosesMap, VelocitiesMap
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import Columns, import_tables
 from mjfish.data.importers.unknown import bag_example
@@ -29,7 +29,6 @@ from mjfish.errors import InputError
 from mjfish.files import tomlfile
 from mjfish.numerics.arrays import FloatArray, readonly
 
-_KINDS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
 #: Neighbours farther apart than so many median steps of their topic have nothing in between.
 _NEAR = 5.0
 #: Headers of two topics that lag the recorder by amounts that differ by more than this have different clocks [s].
@@ -57,11 +56,11 @@ def import_mcap(
         )
     table = tomlfile.table(mapping)
     kind = table.get("kind")
-    if kind not in _KINDS:
+    if kind not in MAPS:
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
     if table.get("time_unit", "s") != "s":
         raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
-    return import_tables(files, held_out, mapping, model=_KINDS[kind], importer="mcap", read=read_bag)
+    return import_tables(files, held_out, mapping, model=MAPS[kind], importer="mcap", read=read_bag)
 
 
 def read_bag(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) -> Columns:

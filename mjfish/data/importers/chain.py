@@ -36,21 +36,6 @@ ANGLE, ZIGZAG = 0.5, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """Predicted points and their derivatives.
-
-    Attributes:
-        value: (n, points, d).
-        of_frame: (n, points, d, coordinates) by the coordinates of the frame.
-        shared: (n, points, d, shared) by what all frames share.
-    """
-
-    value: FloatArray
-    of_frame: FloatArray
-    shared: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Marked:
     """Where the markers sit; planes are those at other heights than the first ones.
 
@@ -131,8 +116,8 @@ class Chain:
     def _centre(self) -> complex:
         return complex(*np.nanmean(self.measured.reshape(-1, 2), axis=0))
 
-    def at(self, coordinates: FloatArray, shared: FloatArray) -> Linearised:
-        """Return the markers (n, markers, 2) and their derivatives."""
+    def at(self, coordinates: FloatArray, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the markers (n, markers, 2), and their derivatives (n, markers, 2, k) by coordinates and shared."""
         n, joints, count, on = len(coordinates), self.on.joints, len(self.on.names), self.on
         scale, gradient = float(np.exp(shared[0])), complex(*shared[1:3])
         oblique = complex(*shared[3:5])
@@ -166,7 +151,7 @@ class Chain:
 
     def _seen(
         self, flat: ComplexArray, own: ComplexArray, by: ComplexArray, scale: float, gradient: complex, oblique: complex
-    ) -> Linearised:
+    ) -> tuple[FloatArray, FloatArray]:
         """Put points through the camera, u = c + scale p / (1 + gamma . p) with p from the centre."""
         depth = 1.0 + (gradient.conjugate() * flat).real
         squeezed = flat + oblique * flat.conjugate()
@@ -183,7 +168,7 @@ class Chain:
         shared[..., 2] = -seen * flat.imag / depth
         shared[..., 3] = scale * flat.conjugate() / depth
         shared[..., 4] = 1j * shared[..., 3]
-        return Linearised(_pair(seen + self._centre), _pair(through(own)), _pair(shared))
+        return _pair(seen + self._centre), _pair(np.concatenate([through(own), shared], axis=2))
 
 
 def _pair(values: ComplexArray) -> FloatArray:

@@ -192,6 +192,10 @@ class VelocitiesMap(Tabled):
     noise: tuple[Positive, Positive, Positive] | None = None
 
 
+#: Mappings of tables by kind.
+MAPS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
+
+
 def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, Fish, Path]:
     """Read the mapping file of an importer that cannot do without one; return it, its fish, and its path.
 

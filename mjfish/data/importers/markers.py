@@ -160,7 +160,14 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
         fit, chain = _fit(measured, dropped, marked, rate, path)
     while (worst := _worst(fit, chain, marked, dropped)) is not None:
         dropped.append(worst)
-        _enough(dropped, marked, path)
+        left = len(marked.behind) - len(dropped)
+        if left < marked.joints:
+            named = ", ".join(marked.names[m] for m in sorted(dropped))
+            raise InputError(
+                f"{path}: no joint angles to be had: markers {named} are lost, exchanged or not where they belong, "
+                f"which leaves {left} behind the head, expected {marked.joints} or more; track these markers again, or "
+                "leave this file out"
+            )
         fit, chain = _fit(measured, dropped, marked, rate, path)
     return Track(fit, _astray(measured, fit, chain), tuple(dropped), int(found.sum()))
 
@@ -209,20 +216,9 @@ def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> in
     return worst if candidates[worst] > 1.0 else None
 
 
-def _enough(dropped: Sequence[int], marked: Marked, path: Path) -> None:
-    left = len(marked.behind) - len(dropped)
-    if left < marked.joints:
-        named = ", ".join(marked.names[m] for m in sorted(dropped))
-        raise InputError(
-            f"{path}: no joint angles to be had: markers {named} are lost, exchanged or not where they belong, which "
-            f"leaves {left} behind the head, expected {marked.joints} or more; track these markers again, or leave "
-            "this file out"
-        )
-
-
 def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
     """Return where markers (n, markers) are not where they belong, those too that were not used."""
-    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared).value, -1, 0))
+    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
     usual = 4.0 * np.maximum(fit.sigma, np.median(fit.sigma))
     return np.asarray(~(off < usual))
 

@@ -37,6 +37,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
 from mjfish.data.importers.chain import Chain
+from mjfish.data.validation import beat_columns, residual
 from mjfish.errors import InputError
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from mjfish.numerics.block_angular import IntArray
@@ -149,16 +150,15 @@ class System:
     def of(cls, seen: Chain, basis: Basis, state: State, weight: FloatArray, rough: FloatArray) -> System:
         """Linearise at a state, with weights (n, points) and the roughness (size, size) of the basis."""
         design = basis.design(state.beat)
-        here = seen.at(design @ state.coefficients.T, state.shared)
-        residual = np.where(weight[..., None] > 0.0, seen.measured - here.value, 0.0)
-        slopes = np.concatenate([here.of_frame, here.shared], axis=3)
+        count, size = state.coefficients.shape
+        value, slopes = seen.at(design @ state.coefficients.T, state.shared)
+        residual = np.where(weight[..., None] > 0.0, seen.measured - value, 0.0)
         if state.beat is not None:
             rate = basis.stretched(state.beat) @ state.coefficients.T
-            slopes = np.concatenate([slopes, np.einsum("npdi,ni->npd", here.of_frame, rate)[..., None]], axis=3)
+            slopes = np.concatenate([slopes, np.einsum("npdi,ni->npd", slopes[..., :count], rate)[..., None]], axis=3)
         weighted = slopes * (weight / np.square(state.sigma))[..., None, None]
         gram = np.einsum("npdi,npdj->nij", weighted, slopes, optimize=True)
         pull = np.einsum("npdi,npd->ni", weighted, residual, optimize=True)
-        count, size = state.coefficients.shape
         normal, right = _belief(seen, basis, state, rough)
         own = count * size
         for i in range(count):
@@ -382,7 +382,7 @@ def _smoothed(seen: Chain, basis: Basis, beat: float | None, start: FloatArray, 
 
 def _residual(seen: Chain, basis: Basis, state: State) -> FloatArray:
     """Return measured minus fitted, of points that do not count too."""
-    return np.asarray(seen.measured - seen.at(basis.design(state.beat) @ state.coefficients.T, state.shared).value)
+    return np.asarray(seen.measured - seen.at(basis.design(state.beat) @ state.coefficients.T, state.shared)[0])
 
 
 def _weights(seen: Chain, basis: Basis, state: State, there: BoolArray, *, student: bool) -> FloatArray:
@@ -401,16 +401,13 @@ _PERIODIC = 0.7
 
 def beat_frequency(time: FloatArray, lateral: FloatArray) -> tuple[float, bool]:
     """Return the frequency [Hz] that, with a drift, leaves the least of a motion (n,), and whether it is a beat."""
-    share = time / max(float(np.ptp(time)), 1e-9)
+    span = max(float(np.ptp(time)), 1e-9)
+    share = (time - time[0]) / span
 
     def sum_of_squares(trial: float, harmonics: int = 1) -> float:
-        phase = 2.0 * np.pi * trial * time
-        waves = [wave(k * phase) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
-        design = np.column_stack([np.ones_like(time), share, *waves])
-        return float(np.square(lateral - design @ np.linalg.lstsq(design, lateral)[0]).sum())
+        return float(np.square(residual(beat_columns(share, trial * span, harmonics), lateral)).sum())
 
-    slowest = max(SLOWEST, 1.0 / float(np.ptp(time)))
-    step = 0.1 / float(np.ptp(time))
+    slowest, step = max(SLOWEST, 1.0 / span), 0.1 / span
     trials = np.arange(slowest, FASTEST, step)
     best = float(trials[int(np.argmin([sum_of_squares(trial) for trial in trials]))])
     refined = float(

@@ -83,21 +83,13 @@ def read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) 
 Read = Callable[[Path, PosesMap | VelocitiesMap, Sequence[str]], Columns]
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """The fish that swam, the mapping file (for messages), and how files are read."""
-
-    fish: Fish
-    file: Path
-    read: Read
-
-    def columns(self, path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str], fewest: int) -> Columns:
-        """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
-        found = self.read(path, table, names)
-        rows = len(found.numbers[table.time])
-        if rows < fewest:
-            raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
-        return found
+def _columns(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str], fewest: int, read: Read) -> Columns:
+    """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
+    found = read(path, table, names)
+    rows = len(found.numbers[table.time])
+    if rows < fewest:
+        raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
+    return found
 
 
 def import_tables(
@@ -153,7 +145,7 @@ def import_mapped(
     Raises:
         MjfishError: as of `import_tables`.
     """
-    source, noise = _Source(fish, place, read), None
+    noise = None
     if isinstance(table, PosesMap):
         behind, head = table.behind_nose, fish.links[0].length
         if behind is not None and not 0.0 <= behind <= head:
@@ -161,17 +153,17 @@ def import_mapped(
                 f"{place}: behind_nose: {behind:g} m, expected a point of the head, 0 to {head:g} m; leave it out "
                 "to have it fitted, or give the track of a point of the head"
             )
-        found = [_pose_run(path, source, table) for path in files]
+        found = [_pose_run(path, table, fish, place, read) for path in files]
     else:
-        found = [_velocity_run(path, source, table) for path in files]
+        found = [_velocity_run(path, table, fish, place, read) for path in files]
         noise = None if table.noise is None else readonly(table.noise)
     dataset, report = assembled(found, fish, held_out, importer or table.kind, table.kind)
     return replace(dataset, noise=noise), report
 
 
-def _pose_run(path: Path, source: _Source, table: PosesMap) -> Run:
+def _pose_run(path: Path, table: PosesMap, fish: Fish, mapping: Path, read: Read) -> Run:
     names = (table.x, table.y, table.yaw, *angle_columns(table))
-    columns = source.columns(path, table, names, _FEWEST_POSES)
+    columns = _columns(path, table, names, _FEWEST_POSES, read)
     for name in names:
         if not np.isfinite(columns.numbers[name]).any():
             raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
@@ -189,8 +181,8 @@ def _pose_run(path: Path, source: _Source, table: PosesMap) -> Run:
         role=None,
         time=time,
         velocity=readonly(np.full((len(time), len(CHANNELS)), np.nan)),
-        joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file, path),
+        joint_angle=measured_angles(table, numbers, fish, mapping),
+        wave=wave_drive(table, fish, mapping, path),
         source=path,
         sensors=sensors,
         **driven(table),
@@ -288,9 +280,9 @@ def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
 _FEWEST_VELOCITIES = 7
 
 
-def _velocity_run(path: Path, source: _Source, table: VelocitiesMap) -> Run:
+def _velocity_run(path: Path, table: VelocitiesMap, fish: Fish, mapping: Path, read: Read) -> Run:
     names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
-    columns = source.columns(path, table, names, _FEWEST_VELOCITIES)
+    columns = _columns(path, table, names, _FEWEST_VELOCITIES, read)
     numbers, time = columns.numbers, columns.numbers[table.time]
     length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
     surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
@@ -303,8 +295,8 @@ def _velocity_run(path: Path, source: _Source, table: VelocitiesMap) -> Run:
         role=None,
         time=readonly(time),
         velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
-        joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file, path),
+        joint_angle=measured_angles(table, numbers, fish, mapping),
+        wave=wave_drive(table, fish, mapping, path),
         source=path,
         **driven(table),
     )
