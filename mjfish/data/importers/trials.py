@@ -48,11 +48,12 @@ class Velocities:
 def nose_velocities(fit: Fit) -> Velocities:
     """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
     yaw, rate, slopes = fit.coordinates()[:, _YAW], fit.coordinates(1), velocity_gradients(fit)
-    correlation = np.column_stack([_correlation(slope, fit.covariance) for slope in slopes])
+    spreads = [slope @ fit.covariance for slope in slopes]
+    correlation = np.column_stack(list(map(_correlation, slopes, spreads)))
     far = np.flatnonzero((correlation < _INDEPENDENT).all(axis=1))
     return Velocities(
         value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
-        sigma=np.column_stack([_sigma(slope, fit.covariance) for slope in slopes]),
+        sigma=np.column_stack(list(map(_sigma, slopes, spreads))),
         apart=int(far[0]) if far.size else len(correlation),
     )
 
@@ -71,15 +72,15 @@ def velocity_gradients(fit: Fit) -> list[FloatArray]:
     ]
 
 
-def _sigma(slope: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return sigma (n,) of errors with derivatives `slope` (n, unknowns)."""
-    return np.asarray(np.sqrt(np.maximum(np.einsum("nu,nu->n", slope @ covariance, slope), 0.0)))
+def _sigma(slope: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return sigma (n,) of errors with derivatives `slope` (n, unknowns); `spread` is that times the covariance."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nu,nu->n", spread, slope), 0.0)))
 
 
-def _correlation(slope: FloatArray, covariance: FloatArray) -> FloatArray:
+def _correlation(slope: FloatArray, spread: FloatArray) -> FloatArray:
     """Return the correlation (lags,) of such errors of frames so many apart, mean over the middle; lag 0 first."""
     inner = slice(len(slope) // 8, len(slope) - len(slope) // 8)
-    spread, own = (slope @ covariance)[inner], slope[inner]
+    spread, own = spread[inner], slope[inner]
     lags = range(min(max(len(slope) // 4, 1), len(own) - 1))
     products = [float(np.einsum("nu,nu->", spread[lag:], own[: len(own) - lag])) / (len(own) - lag) for lag in lags]
     return np.asarray(products) / max(products[0], 1e-300)
@@ -163,7 +164,8 @@ def record(
         InputError: no stretch is long enough.
     """
     moved = nose_velocities(fit)
-    angle_sigma = np.column_stack([_sigma(fit.gradient(3 + i), fit.covariance) for i in range(joints)])
+    angles = [fit.gradient(3 + i) for i in range(joints)]
+    angle_sigma = np.column_stack([_sigma(slope, slope @ fit.covariance) for slope in angles])
     keep = well_known(moved.sigma, angle_sigma, seen)
     step = float(np.median(np.diff(fit.basis.time)))
     fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
