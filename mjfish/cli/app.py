@@ -35,18 +35,19 @@ _ABOUT = "Shows what a swimming-fish simulation gets wrong, names the cause, and
 
 
 class _Group(TyperGroup):
-    """Turns a user's mistake into a message and exit code 2, never a traceback."""
+    """Turns a user's mistake into a message and exit code 2, never a traceback, and an outcome that is not good into 1.
 
-    def invoke(self, ctx: Any) -> Any:
+    A command returns whether the outcome is good; one that always is returns nothing.
+    """
+
+    def invoke(self, ctx: Any) -> None:
         try:
-            with system_refusals():
-                return super().invoke(ctx)
+            with console.stoppable(lambda: "a file that was being written is whole or not there"), system_refusals():
+                if super().invoke(ctx) is False:
+                    raise typer.Exit(console.NOT_GOOD)
         except MjfishError as error:
             console.complain("error", str(error))
             raise typer.Exit(console.MISUSE) from None
-        except KeyboardInterrupt:
-            console.complain("stopped", "a file that was being written is whole or not there")
-            raise typer.Exit(console.STOPPED) from None
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         for command in self.commands.values():
@@ -97,7 +98,7 @@ def application() -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback(help=_ABOUT)(_root)
-    commands: dict[str, Callable[..., None]] = {
+    commands: dict[str, Callable[..., bool | None]] = {
         "simulate": simulate.simulate,
         "export": simulate.export,
         "check": simulate.check,
@@ -117,7 +118,7 @@ def application() -> typer.Typer:
     }
     for name, command in commands.items():
         app.command(name, cls=_Command)(command)
-    groups: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
+    groups: dict[str, tuple[str, dict[str, Callable[..., bool | None]]]] = {
         "fish": ("Describe a fish, look at it.", {"new": fish.new, "show": fish.show}),
         "dataset": ("Make a dataset of your own recordings.", {"new": dataset.new}),
     }

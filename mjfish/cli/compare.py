@@ -36,7 +36,7 @@ def compare(
     bound: Annotated[float | None, typer.Option(help="Largest nRMSE that is good; beyond it, exit with 1.")] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
     table: Annotated[Path | None, typer.Option(help="Write a row a trial, channel and part: .csv or .parquet.")] = None,
-) -> None:
+) -> bool:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
     from mjfish.data.tables import SUFFIXES
     from mjfish.estimation.tables import write_rows
@@ -44,14 +44,10 @@ def compare(
     console.check_outputs(json_, table, suffixes=[(table, SUFFIXES)])
     result = mjfish.compare(mjfish.load_dataset(dataset), against, bound=bound)
     _show(result)
-    if json_ is not None:
-        result.save(json_)
-    if table is not None:
-        write_rows(table, result.rows())
+    console.write([], (json_, result.save), (table, lambda path: write_rows(path, result.rows())))
     for line in result.failures:
         console.complain("not good", line)
-    if result.failures:
-        raise typer.Exit(console.NOT_GOOD)
+    return not result.failures
 
 
 def _show(result: Comparison) -> None:

@@ -13,7 +13,7 @@ import textwrap
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -113,31 +113,27 @@ def listed(paths: Sequence[Path]) -> str:
 
 
 @contextmanager
-def stoppable() -> Iterator[list[Path]]:
-    """Say on Ctrl-C what was kept, of a list to which the block adds each file once it is written."""
-    written: list[Path] = []
+def stoppable(told: Callable[[], str]) -> Iterator[None]:
+    """Say on Ctrl-C what is `told` then."""
     try:
-        yield written
+        yield
     except KeyboardInterrupt:
-        complain("stopped", f"kept: {listed(written)}" if written else "nothing was written")
+        complain("stopped", told())
         raise typer.Exit(STOPPED) from None
 
 
-@contextmanager
-def workers(cluster: str | None, jobs: int | None) -> Iterator[Executor | None]:
-    """Yield the executor of a Dask cluster, None where none is asked for.
+def workers(cluster: str | None, jobs: int | None) -> AbstractContextManager[Executor | None]:
+    """Return the executor of a Dask cluster, None where none is asked for, for a block.
 
     Args:
         cluster: address of its scheduler; ``local`` starts one.
         jobs: workers of a local one; None: one a processor.
     """
     if cluster is None:
-        yield None
-        return
+        return nullcontext()
     from mjfish.execution import executors
 
-    with executors.cluster(cluster, jobs or os.cpu_count() or 1) as executor:
-        yield executor
+    return executors.cluster(cluster, jobs or os.cpu_count() or 1)
 
 
 def check_outputs(
@@ -168,6 +164,14 @@ def write_json(result: Result, path: Path | None) -> bool:
     elif path is not None:
         result.save(path)
     return path == STDOUT
+
+
+def write(written: list[Path], *wanted: tuple[Path | None, Callable[[Path], object]]) -> None:
+    """Let each file that is wanted be written, and add it to `written` once it is there."""
+    for path, writer in wanted:
+        if path is not None:
+            writer(path)
+            written.append(path)
 
 
 def complain(what: str, message: str) -> None:
@@ -271,11 +275,9 @@ def _watching(stage: _Stage) -> Iterator[None]:
 
     class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
         def on_start(self, event: object) -> None:
-            del event
             stage.compile(1)
 
         def on_end(self, event: object) -> None:
-            del event
             stage.compile(-1)
 
     with event.install_listener("numba:compile", Listener()):

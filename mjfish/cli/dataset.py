@@ -365,7 +365,7 @@ def _mapping(
     dialect: Mapping[str, Any],
 ) -> PosesMap | VelocitiesMap:
     """Return the mapping of the columns, with other keys ``KEY=VALUE`` as a mapping file has them."""
-    from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+    from mjfish.data.importers.mapping import MAPS
     from mjfish.files import tomlfile
 
     raw: dict[str, Any] = {"schema": 1, "kind": columns.kind, "fish": "-", **dialect, **columns.of}
@@ -388,9 +388,7 @@ def _mapping(
             for number, path in enumerate(paths)
         }
     raw |= more
-    if columns.kind == "poses":
-        return tomlfile.parse(raw, PosesMap, str(_PLACE))
-    return tomlfile.parse(raw, VelocitiesMap, str(_PLACE))
+    return tomlfile.parse(raw, MAPS[columns.kind], str(_PLACE))
 
 
 def _per_file(values: Sequence[Any], name: str, paths: Sequence[Path]) -> Sequence[Any]:

@@ -63,7 +63,7 @@ def diagnose(
     ] = None,
     verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show nothing but errors.")] = False,
-) -> None:
+) -> bool:
     """Find what the simulation gets wrong on measured data, name the cause, and measure the gain on held-out trials."""
     from mjfish.effects import catalogue
 
@@ -72,7 +72,8 @@ def diagnose(
     )
     means: dict[str, Any] = {"seed": seed, "jobs": jobs, "resume": resume, "limit": limit}
     divided: Splits | None = None
-    with console.stoppable() as written:
+    written: list[Path] = []
+    with console.stoppable(lambda: f"kept: {console.listed(written)}" if written else "nothing was written"):
         if dataset.suffix == ".json":
             asked = {"effects": effects, "rrd": rrd, "extended": extended, "splits": splits, "out": out}
             _check_shown_again(dataset, **asked, cluster=cluster, **means)
@@ -107,8 +108,7 @@ def diagnose(
         show(result, "DATASET" if dataset.suffix == ".json" else str(dataset), written, then, verbose=verbose)
         if divided is not None:
             show_splits(divided)
-    if result.verdict == "unexplained" or result.status != "ok":
-        raise typer.Exit(console.NOT_GOOD)
+    return result.verdict != "unexplained" and result.status == "ok"
 
 
 def _check_shown_again(path: Path, **options: object) -> None:
@@ -140,10 +140,10 @@ def demo(
         ),
     ] = None,
     verbose: Verbose = False,
-) -> None:
+) -> bool:
     """Run the main job on a shipped dataset with a hidden effect."""
     out = out or Path("out/learned" if learned else "out/demo")
-    diagnose(LEARNED if learned else DEMO, out=out, verbose=verbose)
+    return diagnose(LEARNED if learned else DEMO, out=out, verbose=verbose)
 
 
 def effects(effects: console.Own = None) -> None:
@@ -190,10 +190,8 @@ def _write(
     json_, report, rrd, extended = files
     on_stdout = console.write_json(result, json_)
     written += [json_] if json_ is not None and not on_stdout else []
-    for path, write in ((report, (splits or result).report), (rrd, result.log), (extended, partial(_extend, result))):
-        if path is not None:
-            write(path)
-            written.append(path)
+    wanted = (report, (splits or result).report), (rrd, result.log), (extended, partial(_extend, result))
+    console.write(written, *wanted)
     return on_stdout
 
 

@@ -44,7 +44,7 @@ def identify(
     fish: Annotated[Path | None, typer.Option(help="Write the identified fish, .toml or .xml (MuJoCo).")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
     cluster: console.Cluster = None,
-) -> None:
+) -> bool:
     """Fit the hydrodynamic coefficients to all fit trials at once, say what the data say, score held-out trials."""
     from mjfish.data.tables import SUFFIXES
     from mjfish.estimation.identification import pose
@@ -74,13 +74,11 @@ def identify(
         result = mjfish.identify(measured, settings, tell=lambda done: tell("fitting", done))
         profiles = _profiles(result, profiled or [], tell)
     _show(result, profiles)
-    outputs = {"json": json_, "table": table, "figures": figures, "fish": fish}
-    written = _write(result, profiles, {kind: path for kind, path in outputs.items() if path is not None})
-    if written:
+    if written := _write(result, profiles, json_, table, figures, fish):
         console.say(f"wrote {', '.join(map(str, written))}")
     if result.fit.status != "converged":
         console.complain(result.fit.status, result.fit.message)
-        raise typer.Exit(console.NOT_GOOD)
+    return result.fit.status == "converged"
 
 
 def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
@@ -104,28 +102,31 @@ def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profi
     return found
 
 
-def _write(result: Identification, profiles: list[Profile], outputs: dict[str, Path]) -> list[Path]:
+def _write(
+    result: Identification,
+    profiles: list[Profile],
+    json_: Path | None,
+    table: Path | None,
+    figures: Path | None,
+    fish: Path | None,
+) -> list[Path]:
     """Write what was asked for and return the files; there are no figures of a fit that diverged."""
+    from mjfish.estimation.tables import coefficient_rows, write_rows
     from mjfish.files.plain_data import plain
 
     assessment = result.assessment
+    content = {**result.to_dict(), "profiles": plain(profiles)}
+    rows = coefficient_rows(result.fit, None if assessment is None else assessment.intervals)
     written: list[Path] = []
-    for kind, path in outputs.items():
-        if kind == "json":
-            write_json(path, {**result.to_dict(), "profiles": plain(profiles)})
-        elif kind == "table":
-            from mjfish.estimation.tables import coefficient_rows, write_rows
+    console.write(
+        written, (json_, lambda path: write_json(path, content)), (table, lambda path: write_rows(path, rows))
+    )
+    if figures is not None and assessment is not None:
+        from mjfish.reporting.html.identification import write_identification_figures
 
-            write_rows(path, coefficient_rows(result.fit, None if assessment is None else assessment.intervals))
-        elif kind == "fish":
-            write(path, result.fish)
-        elif assessment is not None:
-            from mjfish.reporting.html.identification import write_identification_figures
-
-            name, residuals = result.dataset.name, assessment.residuals
-            written += write_identification_figures(path, name, residuals, assessment.residual_tests, profiles)
-        if kind != "figures":
-            written.append(path)
+        name, residuals = result.dataset.name, assessment.residuals
+        written += write_identification_figures(figures, name, residuals, assessment.residual_tests, profiles)
+    console.write(written, (fish, lambda path: write(path, result.fish)))
     return written
 
 

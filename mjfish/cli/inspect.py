@@ -27,7 +27,7 @@ def inspect(
         Path | None, typer.Option("--json", help="Write the findings as JSON; - for standard output.")
     ] = None,
     effects: console.Own = None,
-) -> None:
+) -> bool:
     """Show what is in a dataset, what blocks a diagnosis, and which causes the runs cannot show. Nothing is fitted."""
     from mjfish.effects import catalogue
     from mjfish.inspection import report_on
@@ -45,9 +45,11 @@ def inspect(
         show(report)
         if out is not None:
             console.say(f"wrote {out / 'inspection.html'} (open it in a browser) and inspection.json")
-        console.say(_next(report, dataset))
-    if report.inspection.blocks:
-        raise typer.Exit(console.NOT_GOOD)
+        blocks = len(report.inspection.blocks)
+        mend = f"{blocks} of the findings {'blocks' if blocks == 1 else 'block'} a diagnosis; mend that first"
+        then = f"nothing blocks a diagnosis; next: {console.program()} diagnose {dataset}"
+        console.say(mend if blocks else then)
+    return not report.inspection.blocks
 
 
 def show(report: DataReport) -> None:
@@ -76,10 +78,3 @@ def show(report: DataReport) -> None:
         console.item("cannot tell", f"{told}: {code}, see below")
     for finding in report.inspection.findings:
         console.item(finding.severity, f"{finding.code}: {finding.message}", _COLOURS[finding.severity])
-
-
-def _next(report: DataReport, dataset: Path) -> str:
-    blocks = len(report.inspection.blocks)
-    if blocks:
-        return f"{blocks} of the findings {'blocks' if blocks == 1 else 'block'} a diagnosis; mend that first"
-    return f"nothing blocks a diagnosis; next: {console.program()} diagnose {dataset}"

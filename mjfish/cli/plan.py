@@ -39,7 +39,7 @@ def plan(
         typer.Option("--generate", help="New folder for the best run: drive, dataset.toml, what to record."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Threads; default one a processor.")] = None,
-) -> None:
+) -> bool:
     """Rank runs and calibrations by how well they would tell rival causes apart, per second of recording."""
     from mjfish.design import Menu, load_fitted_models, write_next_run
 
@@ -61,8 +61,7 @@ def plan(
     if generate_ is not None:
         write_next_run(measured, found, generate_)
         console.say(f"wrote {generate_}: what to do is in {generate_}/RECORD.md")
-    if found.status != "ok":
-        raise typer.Exit(console.NOT_GOOD)
+    return found.status == "ok"
 
 
 def _show(found: Plan) -> None:

@@ -13,7 +13,6 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.files.writing import check_file, check_suffix
 
 if TYPE_CHECKING:
-    from mjfish.reporting.film import Stretch
     from mjfish.reporting.log.drawing import Drawing
 
 #: Logs that are looked for in a folder: of `mjfish diagnose` and of `mjfish simulate`.
@@ -38,13 +37,19 @@ def render(
 ) -> None:
     """Draw a swimming fish with the forces of the water on it; of a diagnosis, the measured and both simulated fish."""
     from mjfish.reporting import film
+    from mjfish.reporting.log.reading import read_log
 
     check_file(out)
     check_suffix(out, *film.SUFFIXES)
     log = _log(Path(what))
     with console.progress_bar() as tell:
         tell("looking at what swims", 0.0)
-        stretch = _of_fish(what, trial, out) if log is None else _of_log(log, trial, out)
+        beats = film.BEATS_OF_STILL if out.suffix.lower() == ".png" else film.BEATS
+        drawing = _of_fish(what, trial) if log is None else _chosen(read_log(log), trial)
+        if log is None:
+            stretch = film.steady(drawing, beats)
+        else:
+            stretch = film.whole(drawing) if drawing.held_out is None else film.worst(drawing, beats)
         film.write(out, stretch, tell)
     console.say(f"wrote {out}: {stretch.drawing.name}, {stretch.start:.2f} to {stretch.end:.2f} s")
 
@@ -68,11 +73,10 @@ def _log(path: Path) -> Path | None:
     return found[0]
 
 
-def _of_fish(fish: str, trial: str | None, out: Path) -> Stretch:
-    """Let a fish swim by its CPG, or by a wave where it has none, and return its last beats."""
+def _of_fish(fish: str, trial: str | None) -> Drawing:
+    """Let a fish swim by its CPG, or by a wave where it has none."""
     from mjfish.drive.wave import travelling
     from mjfish.fish import read as read_fish
-    from mjfish.reporting import film
     from mjfish.reporting.log.results import drawn_simulation
 
     if trial is not None:
@@ -82,22 +86,7 @@ def _of_fish(fish: str, trial: str | None, out: Path) -> Stretch:
     run = mjfish.simulate(fish, drive=drive, duration=_SWIMS)
     if run.status != "ok":
         raise InputError(f"{fish}: its run {run.message}; mend the fish before it is drawn")
-    return film.steady(drawn_simulation(run), _beats(out))
-
-
-def _of_log(log: Path, trial: str | None, out: Path) -> Stretch:
-    """Return the run of a log that is shown: all of a rollout, the worst beats of a trial."""
-    from mjfish.reporting import film
-    from mjfish.reporting.log.reading import read_log
-
-    drawing = _chosen(read_log(log), trial)
-    return film.whole(drawing) if drawing.held_out is None else film.worst(drawing, _beats(out))
-
-
-def _beats(out: Path) -> int:
-    from mjfish.reporting import film
-
-    return film.BEATS_OF_STILL if out.suffix.lower() == ".png" else film.BEATS
+    return drawn_simulation(run)
 
 
 def _chosen(drawings: list[Drawing], trial: str | None) -> Drawing:

@@ -61,7 +61,7 @@ def simulate(
         bool,
         typer.Option("--viewer", help="Write nothing: open MuJoCo's viewer, with sliders for drive and coefficients."),
     ] = False,
-) -> None:
+) -> bool:
     """Simulate a fish with its effects and write rollout.csv and rollout.rrd, or watch it in MuJoCo's viewer."""
     if out is None and not viewer:
         raise typer.BadParameter("give a folder, or --viewer", param_hint="'--out'")
@@ -86,8 +86,10 @@ def simulate(
         check_display()
         console.say("sliders: panel Control on the right", "arrows: force of the water, key B; close the window to end")
         show(tank(fish, mode, values=values, effects=known, drive=drive, free=free))
-        return
-    others = [] if draws is None else _fish_in(draws)
+        return True
+    others = [] if draws is None else sorted(draws.glob("*.toml"))
+    if draws is not None and not others:
+        raise InputError(f"--draws: no fish TOML in {draws}; write some by 'mjfish sample DIAGNOSIS --out {draws}'")
 
     def swim(fish: str | Path) -> Simulation:
         return mjfish.simulate(
@@ -112,20 +114,12 @@ def simulate(
         run.band.write_table(out / "band.csv")
     if run.status != "ok":
         console.complain(run.status, run.message)
-        raise typer.Exit(console.NOT_GOOD)
+        return False
     written = f"{table} and {log}" if run.band is None else f"{table}, {out / 'band.csv'} and {log}"
     console.say(run.summary(), f"wrote {written} (open it with: {console.program()} view {log})")
     if diverged:
         console.complain("diverged", f"{diverged} of {len(others)} draws, which the band leaves out")
-        raise typer.Exit(console.NOT_GOOD)
-
-
-def _fish_in(folder: Path) -> list[Path]:
-    """Return the fish TOMLs in a folder, in the order of their names."""
-    found = sorted(folder.glob("*.toml"))
-    if not found:
-        raise InputError(f"--draws: no fish TOML in {folder}; write some by 'mjfish sample DIAGNOSIS --out {folder}'")
-    return found
+    return not diverged
 
 
 def check(
@@ -136,7 +130,7 @@ def check(
     ] = "corrected",
     json_: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
     effects: console.Own = None,
-) -> None:
+) -> bool:
     """Cross-check MuJoCo with the fluid force against the head-frame ODE, on the joint motion that MuJoCo realised."""
     from mjfish import simulation
     from mjfish.drive.modes import drive
@@ -174,8 +168,7 @@ def check(
     if json_ is not None:
         entries = [{**fields_of(result), "passed": result.passed} for result in results]
         write_json(json_, {"schema": 1, "passed": passed, "checks": entries})
-    if not passed:
-        raise typer.Exit(console.NOT_GOOD)
+    return passed
 
 
 def export(

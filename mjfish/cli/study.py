@@ -24,7 +24,7 @@ def study(
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     cluster: console.Cluster = None,
     collect: Annotated[bool, typer.Option("--collect", help="Run nothing: write a table and a summary.")] = False,
-) -> None:
+) -> bool:
     """Run the pieces of a study that are missing in a folder; the same command goes on where it was stopped."""
     from mjfish import study as studies
 
@@ -32,23 +32,17 @@ def study(
     if collect:
         collected = studies.collect(cases, out)
         console.say(*collected.summary.splitlines(), f"wrote {console.listed(collected.files)}")
-        if collected.missing:
-            raise typer.Exit(console.NOT_GOOD)
-        return
+        return not collected.missing
     executing = studies.Executing(jobs, cluster)
-    try:
-        with _stopped_by_sigterm(), console.progress_bar() as tell:
-            ran = studies.run(cases, out, shard=_shard(shard), executing=executing, tell=tell)
-    except KeyboardInterrupt:
-        console.complain("stopped", f"the pieces that are done are kept in {out}; the same command goes on")
-        raise typer.Exit(console.STOPPED) from None
+    kept = f"the pieces that are done are kept in {out}; the same command goes on"
+    with console.stoppable(lambda: kept), _stopped_by_sigterm(), console.progress_bar() as tell:
+        ran = studies.run(cases, out, shard=_shard(shard), executing=executing, tell=tell)
     for damaged in ran.damaged:
         console.complain("damaged, made anew", damaged)
     for reason in ran.unanswered:
         console.complain("missing", reason)
     console.say(f"{ran.there} pieces were there, {ran.made} were made, {ran.failed} of all failed, in {out}")
-    if ran.unanswered:
-        raise typer.Exit(console.NOT_GOOD)
+    return not ran.unanswered
 
 
 @contextmanager

@@ -12,36 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import interpolate, ndimage, signal
 
 from mjfish.numerics.arrays import FloatArray
 
+if TYPE_CHECKING:
+    from mjfish.data.trial import Trial
+
 #: Rounds of the iteration that undoes the smoothing of a heading [VanCittert1931].
 _ROUNDS = 5
-
-
-class Recording(Protocol):
-    """What a filter must know of a trial (`mjfish.data.Trial`)."""
-
-    @property
-    def time(self) -> FloatArray:
-        """Times (n,) of its samples [s]."""
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Recorded velocities (n, 3)."""
-
-    @property
-    def rows(self) -> NDArray[np.intp]:
-        """Rows (n,) of its samples on a grid of equal steps."""
-
-    @property
-    def step(self) -> float:
-        """Step of that grid [s]."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +41,7 @@ class Differentiator:
     degree: int
     turned: bool = False
 
-    def of_trial(self, trial: Recording, block: FloatArray) -> FloatArray:
+    def of_trial(self, trial: Trial, block: FloatArray) -> FloatArray:
         """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
         if not self.turned:
             return self._filtered(trial, block)
@@ -79,7 +61,7 @@ class Differentiator:
         along = "the tank" if self.turned else "the fish"
         return f"positions along the axes of {along}, differentiated over {self.window} samples, degree {self.degree}"
 
-    def _filtered(self, trial: Recording, columns: FloatArray) -> FloatArray:
+    def _filtered(self, trial: Trial, columns: FloatArray) -> FloatArray:
         """Integrate columns (n, ...) to positions, at missing samples, too, and differentiate these by the filter."""
         rows = trial.rows
         flat, grid = columns.reshape(len(columns), -1), np.interp(np.arange(rows[-1] + 1), rows, trial.time)
@@ -102,7 +84,7 @@ class GaussianFilter:
 
     sd: float
 
-    def of_trial(self, trial: Recording, block: FloatArray) -> FloatArray:
+    def of_trial(self, trial: Trial, block: FloatArray) -> FloatArray:
         """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
         rows, flat = trial.rows, block.reshape(len(block), -1)
         grid = np.interp(np.arange(rows[-1] + 1), rows, trial.time)

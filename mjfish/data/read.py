@@ -62,7 +62,9 @@ def load_dataset(path: str | Path) -> Dataset:
         )
     table = tomlfile.read(file, DatasetTable)
     dataset_toml.check(table, file)
-    fish = dataset_toml.with_start(_fish(table.fish, file), table.start, file)
+    with located(f"{file}: fish"), system_refusals():
+        fish = load_fish(table.fish, relative_to=file.parent)
+    fish = dataset_toml.with_start(fish, table.start, file)
     tank = None if table.tank is None else Tank(table.tank.x, table.tank.y)
     trials = []
     for number, entry in enumerate(table.trials, start=1):
@@ -223,11 +225,6 @@ def _check_one_drive(driven: bool, joints: FloatArray | None, fish: Fish, source
             f"{key}: no drive, and {source} has no joint angles; add [[trials.drive]] with start, omega and bias, "
             f"[trials.drive] of kind 'wave', or the columns '{first}' to '{last}'"
         )
-
-
-def _fish(name: str, file: Path) -> Fish:
-    with located(f"{file}: fish"), system_refusals():
-        return load_fish(name, relative_to=file.parent)
 
 
 def _sigmas(noise: Noise | None, trials: Sequence[Trial], file: Path) -> FloatArray | None:

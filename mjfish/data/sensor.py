@@ -143,7 +143,11 @@ def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sens
     if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
         remark = "they repeat the values before, as a slower sensor does that is logged faster"
         sensor = sensor.selected(np.append(True, ~same), remark)
-    check_enough(sensor, source)
+    if len(sensor.time) < FEWEST:
+        raise InputError(
+            f"{source}: {len(sensor.time)} samples of '{sensor.name}' can be used, expected {FEWEST} or more; "
+            + ("; ".join(sensor.remarks) or "record longer")
+        )
     return replace(sensor, values=np.unwrap(sensor.values, axis=0)) if sensor.kind == "heading" else sensor
 
 
@@ -168,15 +172,6 @@ def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sen
             'the drive (clock = "free" allows an offset of a quarter of a second only)'
         )
     return sensor.selected(inside, "they are outside of the run")
-
-
-def check_enough(sensor: Sensor, source: Path) -> None:
-    """Refuse a sensor of hardly any sample."""
-    if len(sensor.time) < FEWEST:
-        raise InputError(
-            f"{source}: {len(sensor.time)} samples of '{sensor.name}' can be used, expected {FEWEST} or more; "
-            + ("; ".join(sensor.remarks) or "record longer")
-        )
 
 
 def third_differences(sensor: Sensor) -> FloatArray:

@@ -67,24 +67,22 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
     check_size(sum(map(np.size, table.values())), path)
-    write = _write_csv if path.suffix.lower() == ".csv" else _write_parquet
+    arrays = {header: np.asarray(values, dtype=np.float64) for header, values in table.items()}
     with whole(path) as file, located(str(path)):
-        write(file, table)
+        if path.suffix.lower() == ".csv":
+            _write_csv(file, arrays)
+        else:
+            pa.parquet.write_table(pa.table(arrays), file, write_page_checksum=True)
 
 
 def _write_csv(file: Path, table: Mapping[str, FloatArray]) -> None:
-    rows = zip(*(np.asarray(values, dtype=np.float64).tolist() for values in table.values()), strict=True)
+    rows = zip(*(values.tolist() for values in table.values()), strict=True)
     # repr is the shortest text that reads back as the same float.
     lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
     text = ("\n".join(lines) + "\n").encode("utf-8")
     if len(text) > size_limited.TABLE:
         raise InputError(f"{len(text)} bytes of CSV, expected {size_limited.TABLE} at most; write Parquet")
     file.write_bytes(text)
-
-
-def _write_parquet(file: Path, table: Mapping[str, FloatArray]) -> None:
-    arrays = {header: np.asarray(values, dtype=np.float64) for header, values in table.items()}
-    pa.parquet.write_table(pa.table(arrays), file, write_page_checksum=True)
 
 
 def _read_csv(path: Path, missing: Collection[str]) -> dict[str, FloatArray]:

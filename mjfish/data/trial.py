@@ -47,9 +47,7 @@ def rows_of(time: FloatArray) -> NDArray[np.intp]:
 
 def seen_of(rows: NDArray[np.intp]) -> BoolArray:
     """Return, on the grid of equal steps up to the last of `rows` (n,), which rows are there."""
-    seen = np.zeros(int(rows[-1]) + 1 if len(rows) else 0, dtype=np.bool_)
-    seen[rows] = True
-    return seen
+    return np.asarray(np.bincount(rows) > 0)
 
 
 @dataclass(frozen=True)

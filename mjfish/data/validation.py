@@ -42,15 +42,14 @@ def count_beats(time: FloatArray, angle: FloatArray) -> float | None:
         The number of beats, or None where the joints are still.
     """
     share = (time - time[0]) / (time[-1] - time[0])
-    drift = np.stack([np.ones_like(share), share], axis=1)
-    rest = _residual(drift, angle)
+    rest = residual(beat_columns(share, 0.0, 0), angle)
     if np.ptp(rest, axis=0).max() < _STILL:
         return None
     strongest = int(np.argmax(np.square(np.abs(np.fft.rfft(rest, axis=0))).sum(axis=1)))
     if strongest >= _RESOLVED:
         return float(strongest)
     beats = np.arange(2 * _STEP, _RESOLVED + 1, _STEP)
-    left = [np.square(_residual(_with_sinusoid(drift, share, turns), angle)).sum() for turns in beats]
+    left = [np.square(residual(beat_columns(share, turns), angle)).sum() for turns in beats]
     return float(beats[int(np.argmin(left))])
 
 
@@ -66,12 +65,15 @@ def beats(trial: Trial) -> list[float]:
     return [] if count is None else [count / float(np.ptp(trial.time))]
 
 
-def _with_sinusoid(drift: FloatArray, share: FloatArray, turns: float) -> FloatArray:
-    phase = 2.0 * np.pi * turns * share
-    return np.column_stack([drift, np.cos(phase), np.sin(phase)])
+def beat_columns(share: FloatArray, turns: float, harmonics: int = 1) -> FloatArray:
+    """Return a mean, a drift, and a beat of so many turns with its harmonics, as columns over a share (n,) of a run."""
+    phases = (2.0 * np.pi * turns * k * share for k in range(1, harmonics + 1))
+    waves = [wave(phase) for phase in phases for wave in (np.cos, np.sin)]
+    return np.column_stack([np.ones_like(share), share, *waves])
 
 
-def _residual(design: FloatArray, signal: FloatArray) -> FloatArray:
+def residual(design: FloatArray, signal: FloatArray) -> FloatArray:
+    """Return what the least squares fit of the columns of a design leaves of a signal (n,) or (n, k)."""
     return np.asarray(signal - design @ np.linalg.lstsq(design, signal)[0], dtype=np.float64)
 
 

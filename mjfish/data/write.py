@@ -186,10 +186,8 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
 def _columns(trial: Trial) -> dict[str, FloatArray]:
     """Return the arrays of a trial as columns by name."""
     samples = np.size(trial.time)
-    names: list[tuple[tuple[str, ...], FloatArray]] = [(CHANNELS, trial.velocity)]
-    if not trial.measured.all():
-        told = [k for k, measured in enumerate(trial.measured) if measured]
-        names = [(tuple(CHANNELS[k] for k in told), trial.velocity[:, told])]
+    told = np.flatnonzero(trial.measured)
+    names: list[tuple[tuple[str, ...], FloatArray]] = [(tuple(CHANNELS[k] for k in told), trial.velocity[:, told])]
     if trial.pose is not None:
         has_position = not np.isnan(trial.pose[:, :2]).all()
         names.append((columns.POSE, trial.pose) if has_position else (("yaw",), trial.pose[:, 2:]))

@@ -23,8 +23,8 @@ from mjfish import data, fish
 from mjfish.comparison import rollouts
 from mjfish.data.importers import import_files
 from mjfish.data.importers.deeplabcut import read_tracks
-from mjfish.data.importers.mapping import MarkersMap, fish_of, layout
-from mjfish.data.importers.markers import Marked, metres, read_points
+from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
+from mjfish.data.importers.markers import metres, placed, read_points
 from mjfish.design import load_fitted_models
 from mjfish.errors import MjfishError
 from mjfish.files import checksummed_json, tomlfile
@@ -325,7 +325,7 @@ def _tracks() -> bytes:
 
 
 def _markers(folder: Path) -> Any:
-    text = layout("fishsim").read_text()
+    text = (LAYOUTS / "fishsim.toml").read_text()
     table = tomlfile.parse(tomlfile.tomllib.loads(text), MarkersMap, "layout")
     named = table.model_copy(update={"markers": tuple(
         entry.model_copy(update={"name": f"part{k % 2}"}) for k, entry in enumerate(table.markers[:2]))})  # fmt: skip
@@ -340,8 +340,8 @@ def _film() -> bytes:
 def _points(folder: Path) -> Any:
     """Read a film up to its points in metres: fitting a motion to them is slow."""
     path = folder / "markers.toml"
-    table = tomlfile.read(path, MarkersMap)
-    marked = Marked.of(table, fish_of(table, path), path)
+    table, fish, _ = read_mapping(path, MarkersMap, "markers")
+    marked = placed(table, fish, path)
     points, scale = metres(folder / "film.csv", read_points(folder / "film.csv", table), table, marked)
     return [{"scale": scale, "points": np.nan_to_num(points, posinf=math.inf, neginf=-math.inf)}]
 
@@ -379,7 +379,7 @@ def readers(folder: Path) -> dict[str, Reader]:
         "wave.parquet": _parquet(_velocities(), folder / "wave.parquet"),
     }
     result = diagnosis()
-    film_map = layout("fishsim").read_bytes().replace(b"missing = false", b"missing = true")
+    film_map = (LAYOUTS / "fishsim.toml").read_bytes().replace(b"missing = false", b"missing = true")
     told = json_text(result.to_dict()).encode()
     tail, pose = "Amp20Bias-30.txt", _csv({"time [s]": TIME, **_PATH, **_angles()})
     parquet = (mutations.corrupted, mutations.rearranged_parquet)

@@ -22,7 +22,9 @@ import mjfish
 from mjfish.data import Dataset, Trial, load_dataset, save
 from mjfish.data.importers import FileReport, bag_messages, import_files
 from mjfish.data.importers.bags import read_bag
+from mjfish.data.importers.mapping import VelocitiesMap
 from mjfish.errors import MjfishError
+from mjfish.files import tomlfile
 from mjfish.numerics.arrays import FloatArray
 
 RULE = "=" * 80
@@ -335,7 +337,9 @@ def test_a_heading_of_another_topic_is_interpolated_over_half_a_turn(tmp_path: P
         bag.odometry(float(time), (0.0, 0.0, 2.0 * time), (0.0, 0.0, 0.0))
         bag.joints(float(time) + 0.01, np.full(4, time))
     heading = "/fish/odom.pose.pose.orientation.yaw"
-    read = read_bag(bag.write(tmp_path / "run.mcap"), "time", ["/joint_states.position.neck", heading], raw=False)
+    raw = {"schema": 1, "kind": "velocities", "fish": "pike", "joints": {"columns": ["/joint_states.position.neck"]}}
+    table = tomlfile.parse(raw, VelocitiesMap, "map")
+    read = read_bag(bag.write(tmp_path / "run.mcap"), table, ["/joint_states.position.neck", heading])
     np.testing.assert_allclose(read.numbers[heading], 2.0 * (read.numbers["time"] + 0.01), atol=1e-8)
 
 

@@ -9,7 +9,7 @@ import pytest
 from filmed_swimming import Swim
 
 from mjfish.data.importers import import_files
-from mjfish.data.importers.mapping import layout
+from mjfish.data.importers.mapping import LAYOUTS
 from mjfish.errors import MjfishError
 
 PARTS = [f"part{k}" for k in range(9)]
@@ -33,7 +33,7 @@ def _write(path: Path, pixels: np.ndarray, likelihood: np.ndarray) -> Path:
 @pytest.fixture
 def mapping(tmp_path: Path) -> Path:
     """The mapping of fishsim, its markers under the names of the body parts."""
-    text = layout("fishsim").read_text()
+    text = (LAYOUTS / "fishsim.toml").read_text()
     for k, part in enumerate(PARTS):
         text = text.replace(f'name = "{k}"', f'name = "{part}"')
         text = text.replace(f'"{k}",', f'"{part}",').replace(f'"{k}"]', f'"{part}"]')

@@ -11,10 +11,9 @@ from filmed_swimming import Swim
 
 from mjfish.data import importers
 from mjfish.data.importers import FileReport, markers
-from mjfish.data.importers.mapping import MarkersMap, layout, read_mapping
+from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
 from mjfish.data.importers.trials import nose_velocities
 from mjfish.errors import InputError
-from mjfish.fish import load_fish
 from mjfish.numerics.arrays import FloatArray
 
 #: Seen from above, where the heights of the markers do not show; and as the real camera saw its fish.
@@ -34,8 +33,8 @@ class Errors:
 
 
 def _errors(swim: Swim, folder: Path) -> Errors:
-    table = read_mapping(layout("fishsim"), MarkersMap, "fishsim")
-    where = markers.Marked.of(table, load_fish("eth_tendon"), layout("fishsim"))
+    table, fish, place = read_mapping(LAYOUTS / "fishsim.toml", MarkersMap, "fishsim")
+    where = markers.placed(table, fish, place)
     path = swim.write(folder / "markers_run.csv")
     points = markers.metres(path, markers.read_points(path, table), table, where)[0]
     found = nose_velocities(markers.fit_track(points, where, table.rate, path).fit)

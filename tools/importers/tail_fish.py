@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -27,12 +28,12 @@ import numpy as np
 from pydantic import Field
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.cells import LARGEST
+from mjfish.data.cells import LARGEST, check_increasing
 from mjfish.data.dataset_toml import GaussianTable, filter_of
-from mjfish.data.importers.report import ImportReport
+from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
-from mjfish.data.importers.tables import increasing, velocity_report
-from mjfish.data.importers.trials import assign_roles, check_distinct
+from mjfish.data.importers.tables import check_length
+from mjfish.data.importers.trials import Run, assembled
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.files import size_limited, tomlfile
@@ -96,19 +97,25 @@ def import_files(
         raise InputError(f"{mapping}: this importer takes no mapping file, the layout is known; leave out --map")
     fish, beforehand = load_fish("one_joint"), tomlfile.read(SETTINGS, Settings)
     trials = [_trial(path, fish.links[0].com) for path in files]
-    check_distinct([trial.name for trial in trials], files)
-    reports = tuple(velocity_report(t, beat=None if t.wave is None else t.wave.frequency) for t in trials)
-    dataset = Dataset(
-        name=f"one-joint fish, {len(trials)} runs",
-        fish=fish,
-        trials=assign_roles([(trial.name, trial) for trial in trials], held_out),
-        known={
-            **beforehand.known,
-            **{f"{trial.name}:wave.frequency": ParameterPrior(sd=_TURN / _length(trial)) for trial in trials},
-        },
-        filter=filter_of(beforehand.filter),
+    runs = [Run(trial.name, (trial,), _report(trial, path)) for trial, path in zip(trials, files, strict=True)]
+    dataset, report = assembled(runs, fish, held_out, "tail_fish", "one-joint fish")
+    own = {f"{trial.name}:wave.frequency": ParameterPrior(sd=_TURN / _length(trial)) for trial in trials}
+    known, name = {**beforehand.known, **own}, f"one-joint fish, {len(trials)} runs"
+    return replace(dataset, name=name, known=known, filter=filter_of(beforehand.filter)), report
+
+
+def _report(trial: Trial, path: Path) -> FileReport:
+    samples = len(trial.time)
+    return FileReport(
+        path=path,
+        trials=(trial.name,),
+        frames=samples,
+        usable=samples,
+        kept=samples,
+        beat=None if trial.wave is None else trial.wave.frequency,
+        speed=float(trial.velocity[:, 0].mean()),
+        notes=("noise not stated: estimated from the fit",),
     )
-    return dataset, ImportReport("tail_fish", reports)
 
 
 def _trial(path: Path, behind: float) -> Trial:
@@ -120,7 +127,9 @@ def _trial(path: Path, behind: float) -> Trial:
         )
     amplitude, bias = (math.radians(float(found[group])) for group in ("amplitude", "bias"))
     table = _read(path)
-    time, along, across, turn = increasing(table[:, 0], path, "time", 1), table[:, 1], table[:, 2], table[:, 3]
+    time, along, across, turn = table[:, 0], table[:, 1], table[:, 2], table[:, 3]
+    check_increasing(time, path, 1, "time")
+    check_length(time, path)
     heading = np.unwrap(table[:, 4])
     frequency, _ = beat_frequency(time, turn)
     cos, sin = np.cos(heading), np.sin(heading)
@@ -128,7 +137,7 @@ def _trial(path: Path, behind: float) -> Trial:
     return Trial(
         name=path.stem,
         role=None,
-        time=time,
+        time=readonly(time),
         velocity=readonly(np.column_stack([along, across + behind * turn, turn])),
         pose=readonly(pose),
         wave=Wave(frequency, (amplitude,), (0.0,), (bias,), free=True),

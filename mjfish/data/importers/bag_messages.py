@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -12,14 +13,14 @@ import lz4.frame
 import numpy as np
 import zstandard
 from mcap.exceptions import DecoderNotFoundError
-from mcap.reader import McapReader, make_reader
+from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from mjfish.data.cells import LARGEST
 from mjfish.data.importers.unknown import describe, is_bag
-from mjfish.errors import InputError, MjfishError, UnknownNameError
+from mjfish.errors import InputError, UnknownNameError
 from mjfish.numerics.arrays import FloatArray
 
 _YAW = "yaw"
@@ -54,22 +55,33 @@ def topics(path: Path) -> dict[str, str]:
     """
     if not is_bag(path):
         raise InputError(f"{path}: {describe(path)}")
-    try:
+    with _readable(path):
         _check_chunks(path)
         with path.open("rb") as stream:
-            return _topics(make_reader(stream, validate_crcs=True))
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            if summary is None:
+                return {channel.topic: schema.name if schema else "" for schema, channel, _ in reader.iter_messages()}
+            names = {number: schema.name for number, schema in summary.schemas.items()}
+            return {channel.topic: names.get(channel.schema_id, "") for channel in summary.channels.values()}
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Say that a bag is damaged where the libraries below, which raise whatever they stumble on, find it so."""
+    try:
+        yield
     except InputError:
         raise
+    except DecoderNotFoundError as error:
+        raise InputError(
+            f"{path}: a message is not as ROS 2 writes them, CDR with a ros2msg definition ({error}); record it so"
+        ) from None
     except Exception as error:
-        raise _damaged(path, error) from None
-
-
-def _topics(reader: McapReader) -> dict[str, str]:
-    summary = reader.get_summary()
-    if summary is None:
-        return {channel.topic: schema.name if schema else "" for schema, channel, _ in reader.iter_messages()}
-    names = {number: schema.name for number, schema in summary.schemas.items()}
-    return {channel.topic: names.get(channel.schema_id, "") for channel in summary.channels.values()}
+        why = str(error) or type(error).__name__
+        raise InputError(
+            f"{path}: cannot be read as MCAP, it breaks off or is damaged ({why}); mend it by 'mcap recover'"
+        ) from None
 
 
 def read_messages(path: Path, wanted: Mapping[str, Sequence[str]]) -> dict[str, Messages]:
@@ -118,18 +130,10 @@ def _messages(
 
 def _decoded(path: Path, wanted: list[str]) -> Iterator[tuple[str, int, Any]]:
     """Yield topic, time of the recorder [ns] and message."""
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
-                yield channel.topic, message.log_time, decoded
-    except DecoderNotFoundError as error:
-        raise InputError(
-            f"{path}: a message is not as ROS 2 writes them, CDR with a ros2msg definition ({error}); record it so"
-        ) from None
-    # The libraries below raise whatever they stumble on in a damaged file.
-    except Exception as error:
-        raise _damaged(path, error) from None
+    with _readable(path), path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
+            yield channel.topic, message.log_time, decoded
 
 
 def _check_chunks(path: Path) -> None:
@@ -150,11 +154,6 @@ def unpacks_beyond(chunk: Chunk, most: int) -> bool:
     if chunk.compression == "zstd":
         return len(zstandard.ZstdDecompressor().stream_reader(chunk.data).read(most + 1)) > most
     return len(chunk.data) > most
-
-
-def _damaged(path: Path, error: Exception) -> MjfishError:
-    why = str(error) or type(error).__name__
-    return InputError(f"{path}: cannot be read as MCAP, it breaks off or is damaged ({why}); mend it by 'mcap recover'")
 
 
 def _stamp(message: Any, place: str) -> int:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from mjfish.data import Dataset
 from mjfish.data.importers.bag_messages import MOST, Messages, read_messages, topics
-from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+from mjfish.data.importers.mapping import MAPS, PosesMap, VelocitiesMap
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import Columns, import_tables
 from mjfish.data.importers.unknown import bag_example
@@ -30,7 +29,6 @@ from mjfish.errors import InputError
 from mjfish.files import tomlfile
 from mjfish.numerics.arrays import FloatArray, readonly
 
-_KINDS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
 #: Neighbours farther apart than so many median steps of their topic have nothing in between.
 _NEAR = 5.0
 #: Headers of two topics that lag the recorder by amounts that differ by more than this have different clocks [s].
@@ -58,22 +56,20 @@ def import_mcap(
         )
     table = tomlfile.table(mapping)
     kind = table.get("kind")
-    if kind not in _KINDS:
+    if kind not in MAPS:
         raise InputError(f"{mapping}: kind is {kind!r}, expected 'poses' or 'velocities'; correct it")
     if table.get("time_unit", "s") != "s":
         raise InputError(f"{mapping}: time_unit: the times of a bag are in seconds; remove it")
-    read = partial(read_bag, raw=kind == "poses")
-    return import_tables(files, held_out, mapping, model=_KINDS[kind], importer="mcap", read=read)
+    return import_tables(files, held_out, mapping, model=MAPS[kind], importer="mcap", read=read_bag)
 
 
-def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Columns:
+def read_bag(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) -> Columns:
     """Return columns of a bag by name, with that of the time [s] from the first row on.
 
     Args:
         path: of the bag.
-        time: name of the column of the time.
-        names: of the others, ``TOPIC.FIELD``.
-        raw: what rows lack of their own topic is left out, not interpolated.
+        table: what they are; of poses, what rows lack of their own topic is left out, not interpolated.
+        names: of the columns but that of the time, ``TOPIC.FIELD``.
 
     Raises:
         MjfishError: as of `import_mcap`.
@@ -93,13 +89,13 @@ def read_bag(path: Path, time: str, names: Sequence[str], *, raw: bool) -> Colum
     notes += [note for topic in clocked.values() for note in topic.notes]
     rows = next(iter(clocked.values()))
     grid, own, lost = _rows(rows, clocked, path)
-    columns, filled = {time: readonly(1e-9 * (grid - grid[0]))}, np.zeros(len(grid), dtype=np.bool_)
+    columns, filled = {table.time: readonly(1e-9 * (grid - grid[0]))}, np.zeros(len(grid), dtype=np.bool_)
     for name in names:
         topic, _, field = name.partition(".")
         values = clocked[topic].at(grid, field)
         if clocked[topic] is rows:
             told = np.where(own >= 0, rows.fields[field][own], np.nan)
-            values = told if raw else np.where(np.isfinite(told), told, values)
+            values = told if isinstance(table, PosesMap) else np.where(np.isfinite(told), told, values)
             filled |= np.isnan(told) & np.isfinite(values)
         columns[name] = readonly(values)
     if filled.any():

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
-from mjfish.data.importers.smoothing import IntArray, Linearised
-from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.block_angular import IntArray
 
 ComplexArray = NDArray[np.complex128]
 
@@ -34,36 +35,40 @@ _CAMERA = 5
 ANGLE, ZIGZAG = 0.5, 0.1
 
 
-@dataclass(frozen=True)
-class Marker:
-    """A marker on a link.
+@dataclass(frozen=True, eq=False)
+class Marked:
+    """Where the markers sit; planes are those at other heights than the first ones.
 
     Attributes:
-        link: which, 0 is the head.
-        station: behind the front joint of its link, along the straight fish [m].
-        along: how far it may sit from there along the link [m], one standard deviation; 0: exactly there.
-        across: the same to the side [m].
+        names: of the markers.
+        lengths: of the links [m].
+        link: (markers,) on which each sits, 0 is the head.
+        station: (markers,) behind the front joint of its link, along the straight fish [m].
+        doubts: (markers, 2) how far it may sit from there along the link and across [m], one standard deviation.
+        inside: (markers, planes) 1 where a marker lies in a plane, else 0.
+        shift: (planes,) how far the markers of one may appear shifted [m], one standard deviation.
+        slip: (planes,) how far they wobble sideways with the beat [m], one standard deviation.
+        base: the two markers that define the head, front one first.
+        behind: those on links behind the head.
+        rolling: the plane whose slip measures the roll, and how far it lies below the base [m]; None: nothing does.
     """
 
-    link: int
-    station: float
-    along: float = 0.0
-    across: float = 0.0
+    names: tuple[str, ...]
+    lengths: FloatArray
+    link: IntArray
+    station: FloatArray
+    doubts: FloatArray
+    inside: FloatArray
+    shift: FloatArray
+    slip: FloatArray
+    base: tuple[int, int]
+    behind: tuple[int, ...]
+    rolling: tuple[int, float] | None
 
-
-@dataclass(frozen=True)
-class Plane:
-    """Markers at another height than the first ones.
-
-    Attributes:
-        markers: by number.
-        shift: how far they may appear shifted [m], one standard deviation.
-        slip: how far they wobble sideways with the beat [m], one standard deviation.
-    """
-
-    markers: tuple[int, ...]
-    shift: float
-    slip: float
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.lengths) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,115 +77,81 @@ class Chain:
 
     Attributes:
         measured: (n, markers, 2) [m], roughly scaled; NaN where not seen.
-        lengths: of the links [m].
-        markers: on them.
-        planes: of markers at other heights.
+        on: where they sit.
     """
 
     measured: FloatArray
-    lengths: FloatArray
-    markers: tuple[Marker, ...]
-    planes: tuple[Plane, ...]
-
-    @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return len(self.lengths) - 1
+    on: Marked
 
     @property
     def coordinates(self) -> int:
         """Number of coordinates a frame."""
-        return 3 + self.joints + len(self.planes)
+        return 3 + self.on.joints + len(self.on.shift)
 
     @property
     def kinds(self) -> IntArray:
-        """X and y, yaw, joint angles, slips."""
-        return np.array([0, 0, 1] + [2] * self.joints + [3] * len(self.planes))
+        """X and y, yaw, joint angles, slips (coordinates,): those of one number are equally smooth."""
+        return np.array([0, 0, 1] + [2] * self.on.joints + [3] * len(self.on.shift))
 
     @functools.cached_property
     def belief(self) -> FloatArray:
-        """Scale, gradient (2), shift (2) and scale of each plane, then along and across of each marker."""
-        planes = [[plane.shift, plane.shift, PLANE] for plane in self.planes]
-        markers = [[max(marker.along, 1e-9), max(marker.across, 1e-9)] for marker in self.markers]
-        return np.concatenate([[SCALE, GRADIENT, GRADIENT, OBLIQUE, OBLIQUE], *planes, *markers])
+        """Deviations from zero that are believed: scale, gradient (2), oblique (2), each plane (3), each marker (2)."""
+        planes = [[shift, shift, PLANE] for shift in self.on.shift]
+        doubts = np.maximum(self.on.doubts, 1e-9)
+        return np.concatenate([[SCALE, GRADIENT, GRADIENT, OBLIQUE, OBLIQUE], *planes, *doubts])
 
     def places(self, shared: FloatArray) -> FloatArray:
         """Return how far the markers sit from their stations, along and across (markers, 2) [m]."""
-        return shared[_CAMERA + 3 * len(self.planes) :].reshape(-1, 2)
-
-    @property
-    def doubts(self) -> FloatArray:
-        """How far they are believed to (markers, 2) [m]."""
-        return self.places(self.belief)
+        return shared[_CAMERA + 3 * len(self.on.shift) :].reshape(-1, 2)
 
     @functools.cached_property
     def form(self) -> FloatArray:
-        """Precision of joint angles, of their differences from joint to joint, and of the slips."""
-        joints = np.eye(self.joints)
+        """Precision, once for every look, of joint angles, of their differences from joint to joint, and of slips."""
+        joints = np.eye(self.on.joints)
         zigzag = np.diff(joints, axis=0)
-        form = np.zeros((self.coordinates, self.coordinates))
-        form[3 : 3 + self.joints, 3 : 3 + self.joints] = joints / ANGLE**2 + zigzag.T @ zigzag / ZIGZAG**2
-        slips = np.arange(3 + self.joints, self.coordinates)
-        form[slips, slips] = [1.0 / max(plane.slip, 1e-6) ** 2 for plane in self.planes]
-        return form
+        slips = np.diag(1.0 / np.square(np.maximum(self.on.slip, 1e-6)))
+        return np.asarray(linalg.block_diag(np.zeros((3, 3)), joints / ANGLE**2 + zigzag.T @ zigzag / ZIGZAG**2, slips))
 
     @functools.cached_property
     def _centre(self) -> complex:
         return complex(*np.nanmean(self.measured.reshape(-1, 2), axis=0))
 
-    @functools.cached_property
-    def _in(self) -> BoolArray:
-        """Which planes (markers, planes) the markers lie in."""
-        return np.array(
-            [[m in plane.markers for plane in self.planes] for m in range(len(self.markers))], dtype=np.bool_
-        ).reshape(len(self.markers), len(self.planes))
-
-    def _lever(self, place: FloatArray) -> ComplexArray:
-        """Return levers (markers, links) of the directions, with places (markers, 2) along and across [m]."""
-        lever = np.zeros((len(self.markers), len(self.lengths)), dtype=np.complex128)
-        for row, marker in enumerate(self.markers):
-            lever[row, : marker.link] = self.lengths[: marker.link]
-            lever[row, marker.link] = marker.station + complex(*place[row])
-        return lever
-
-    def at(self, coordinates: FloatArray, shared: FloatArray) -> Linearised:
-        """Return the markers (n, markers, 2) and their derivatives."""
-        n, joints, count = len(coordinates), self.joints, len(self.markers)
+    def at(self, coordinates: FloatArray, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the markers (n, markers, 2), and their derivatives (n, markers, 2, k) by coordinates and shared."""
+        n, joints, count, on = len(coordinates), self.on.joints, len(self.on.names), self.on
         scale, gradient = float(np.exp(shared[0])), complex(*shared[1:3])
         oblique = complex(*shared[3:5])
-        planes, place = np.split(shared[_CAMERA:], [3 * len(self.planes)])
-        planes = planes.reshape(-1, 3)
-        lever = self._lever(place.reshape(-1, 2))
+        planes = shared[_CAMERA : _CAMERA + on.shift.size * 3].reshape(-1, 3)
+        lever = np.where(np.arange(joints + 1) < on.link[:, None], on.lengths, 0.0j)
+        lever[np.arange(count), on.link] = on.station + self.places(shared) @ [1.0, 1.0j]
         psi = coordinates[:, 2:3] + np.pi + np.cumsum(np.pad(coordinates[:, 3 : 3 + joints], ((0, 0), (1, 0))), axis=1)
         direction = np.exp(1j * psi)
         arm = lever[None] * direction[:, None]  # (n, markers, links)
         across = 1j * direction[:, 0]
-        slip = coordinates[:, 3 + joints :] @ self._in.T.astype(float)
+        slip = coordinates[:, 3 + joints :] @ on.inside.T
         body = coordinates[:, :1] + 1j * coordinates[:, 1:2] + arm.sum(axis=2) + slip * across[:, None]
         far = body - self._centre
-        zoom = 1.0 + self._in @ planes[:, 2]
-        flat = zoom * far + self._in @ (planes[:, 0] + 1j * planes[:, 1])
+        zoom = 1.0 + on.inside @ planes[:, 2]
+        flat = zoom * far + on.inside @ (planes[:, 0] + 1j * planes[:, 1])
 
         own = np.zeros((n, count, self.coordinates), dtype=np.complex128)
         own[..., 0], own[..., 1] = 1.0, 1.0j
         turned = 1j * np.cumsum(arm[..., ::-1], axis=2)[..., ::-1]  # by a turn of this link and all behind it
         own[..., 2 : 3 + joints] = turned
         own[..., 2] -= slip * direction[:, :1]
-        own[..., 3 + joints :] = across[:, None, None] * self._in
+        own[..., 3 + joints :] = across[:, None, None] * on.inside
         by = np.zeros((n, count, len(shared)), dtype=np.complex128)
-        for g in range(len(self.planes)):
-            by[..., _CAMERA + 3 * g] = self._in[:, g]
-            by[..., _CAMERA + 1 + 3 * g] = 1j * self._in[:, g]
-            by[..., _CAMERA + 2 + 3 * g] = far * self._in[:, g]
-        first = _CAMERA + 3 * len(self.planes)
-        for m, marker in enumerate(self.markers):
-            by[:, m, first + 2 * m] = zoom[m] * direction[:, marker.link]
-            by[:, m, first + 2 * m + 1] = 1j * zoom[m] * direction[:, marker.link]
+        first, markers = _CAMERA + planes.size, np.arange(count)
+        by[..., _CAMERA:first:3] = on.inside
+        by[..., _CAMERA + 1 : first : 3] = 1j * on.inside
+        by[..., _CAMERA + 2 : first : 3] = far[..., None] * on.inside
+        by[:, markers, first + 2 * markers] = zoom * direction[:, on.link]
+        by[:, markers, first + 2 * markers + 1] = 1j * zoom * direction[:, on.link]
         return self._seen(flat, own * zoom[:, None], by, scale, gradient, oblique)
 
     def _seen(
         self, flat: ComplexArray, own: ComplexArray, by: ComplexArray, scale: float, gradient: complex, oblique: complex
-    ) -> Linearised:
+    ) -> tuple[FloatArray, FloatArray]:
         """Put points through the camera, u = c + scale p / (1 + gamma . p) with p from the centre."""
         depth = 1.0 + (gradient.conjugate() * flat).real
         squeezed = flat + oblique * flat.conjugate()
@@ -197,7 +168,7 @@ class Chain:
         shared[..., 2] = -seen * flat.imag / depth
         shared[..., 3] = scale * flat.conjugate() / depth
         shared[..., 4] = 1j * shared[..., 3]
-        return Linearised(_pair(seen + self._centre), _pair(through(own)), _pair(shared))
+        return _pair(seen + self._centre), _pair(np.concatenate([through(own), shared], axis=2))
 
 
 def _pair(values: ComplexArray) -> FloatArray:

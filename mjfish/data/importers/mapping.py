@@ -34,9 +34,6 @@ Angle = Literal["rad", "deg"]
 Time = Literal["s", "ms", "us", "ns"]
 
 
-M = TypeVar("M", bound=Table)
-
-
 class WaveTable(Law):
     """The joint law sent to the joints; `unit` of its angles."""
 
@@ -69,6 +66,9 @@ class MappingTable(Dialect):
     fish: Annotated[str, Field(min_length=1)]
     #: Taken away from the front of a file's name to make that of its trial.
     prefix: str = ""
+
+
+M = TypeVar("M", bound=MappingTable)
 
 
 class Driven(MappingTable):
@@ -192,14 +192,12 @@ class VelocitiesMap(Tabled):
     noise: tuple[Positive, Positive, Positive] | None = None
 
 
-def fish_of(mapping: MappingTable, path: Path) -> Fish:
-    """Return the fish that a mapping file names, relative to it."""
-    with located(f"{path}: fish"):
-        return load_fish(mapping.fish, relative_to=path.parent)
+#: Mappings of tables by kind.
+MAPS: dict[object, type[PosesMap] | type[VelocitiesMap]] = {"poses": PosesMap, "velocities": VelocitiesMap}
 
 
-def read_mapping(path: Path | None, model: type[M], importer: str) -> M:
-    """Read the mapping file of an importer that cannot do without one.
+def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, Fish, Path]:
+    """Read the mapping file of an importer that cannot do without one; return it, its fish, and its path.
 
     Raises:
         InputError: none was given, or it breaks the schema.
@@ -208,7 +206,9 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> M:
         raise InputError(
             f"importer '{importer}' needs a mapping file that names its columns and units; give --map FILE"
         )
-    return tomlfile.read(path, model)
+    table = tomlfile.read(path, model)
+    with located(f"{path}: fish"):
+        return table, load_fish(table.fish, relative_to=path.parent), path
 
 
 def driven(table: Driven) -> dict[str, Any]:
@@ -266,9 +266,5 @@ def angle_columns(table: Driven) -> tuple[str, ...]:
     return () if table.joints is None else table.joints.columns
 
 
-_FOLDER = Path(__file__).parent / "layouts"
-
-
-def layout(name: str) -> Path:
-    """Return the mapping file of a shipped layout."""
-    return _FOLDER / f"{name}.toml"
+#: Mapping files of shipped layouts.
+LAYOUTS = Path(__file__).parent / "layouts"

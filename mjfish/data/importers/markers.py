@@ -1,6 +1,6 @@
 """Importer of marker tracks: pixels of markers on the links, seen by a camera from above.
 
-Markers of a mapping are put on the links of a fish (`Marked`), a track of them is smoothed (`fit_track`), exchanged
+Markers of a mapping are put on the links of a fish (`placed`), a track of them is smoothed (`fit_track`), exchanged
 markers are put back, and markers that are not where they belong are left out.
 """
 
@@ -15,22 +15,15 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from mjfish.data import Dataset
-from mjfish.data.importers.chain import Chain, Marker, Plane
-from mjfish.data.importers.mapping import MarkersMap, fish_of, layout, read_mapping
-from mjfish.data.importers.report import Cut, FileReport, ImportReport
+from mjfish.data.importers.chain import Chain, Marked
+from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
+from mjfish.data.importers.report import Cut, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
-from mjfish.data.importers.trials import (
-    Recording,
-    assign_roles,
-    check_distinct,
-    record,
-    stretch_names,
-    with_noise,
-)
+from mjfish.data.importers.trials import Run, assembled, record, stretch_names, with_noise
 from mjfish.data.sheet import read_sheet
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
-from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.arrays import BoolArray, FloatArray
 
 #: A point is off where it is this many sigma from where it belongs.
 _OFF = 4.0
@@ -82,82 +75,53 @@ _SIGMA = 3e-3
 #: A marker sits where nobody believes it may if it is so many standard deviations of that belief off, and wanders if
 #: its noise is so many times that of the others.
 _BELIEVED, _WANDERS = 4.0, 4.0
-#: Slips of markers that have none [m].
-_NONE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Marked:
-    """Where the markers sit.
+def placed(table: MarkersMap, fish: Fish, place: Path) -> Marked:
+    """Put the markers of a mapping on the links of its fish.
 
-    Attributes:
-        names: of the markers.
-        lengths: of the links [m].
-        markers: on them.
-        planes: of markers at other heights.
-        base: the two markers that define the head, front one first.
-        behind: those on links behind the head.
-        rolling: the plane whose slip measures the roll, and how far it lies below the base [m]; None: nothing does.
+    Raises:
+        UnknownNameError: no such link or marker.
+        InputError: no two markers of the head whose place is exact, or too few on the other links.
     """
-
-    names: tuple[str, ...]
-    lengths: FloatArray
-    markers: tuple[Marker, ...]
-    planes: tuple[Plane, ...]
-    base: tuple[int, int]
-    behind: tuple[int, ...]
-    rolling: tuple[int, float] | None = None
-
-    @staticmethod
-    def of(table: MarkersMap, fish: Fish, place: Path) -> Marked:
-        """Put the markers of a mapping on the links of its fish.
-
-        Raises:
-            UnknownNameError: no such link or marker.
-            InputError: no two markers of the head whose place is exact, or too few on the other links.
-        """
-        names = tuple(entry.name for entry in table.markers)
-        links = {link.name: index for index, link in enumerate(fish.links)}
-        fronts = np.concatenate([[0.0], np.cumsum([link.length for link in fish.links])])
-        for entry in table.markers:
-            if entry.link not in links:
-                raise UnknownNameError(f"link in {place}, marker {entry.name}", entry.link, links)
-        markers = tuple(
-            Marker(links[entry.link], entry.station - fronts[links[entry.link]], entry.along, entry.across)
-            for entry in table.markers
+    names = tuple(entry.name for entry in table.markers)
+    links = {link.name: index for index, link in enumerate(fish.links)}
+    for entry in table.markers:
+        if entry.link not in links:
+            raise UnknownNameError(f"link in {place}, marker {entry.name}", entry.link, links)
+    for name in (name for plane in table.planes for name in plane.markers):
+        if name not in names:
+            raise UnknownNameError(f"marker in {place}, planes", name, names)
+    lengths = np.array([link.length for link in fish.links])
+    link = np.array([links[entry.link] for entry in table.markers])
+    station = np.array([entry.station for entry in table.markers]) - (np.cumsum(lengths) - lengths)[link]
+    doubts = np.array([(entry.along, entry.across) for entry in table.markers])
+    inside = np.array([[name in plane.markers for plane in table.planes] for name in names], dtype=np.float64)
+    exact = np.flatnonzero((link == 0) & ~doubts.any(axis=1) & ~inside.any(axis=1))
+    base = sorted(map(int, exact), key=lambda m: float(station[m]))
+    behind = tuple(map(int, np.flatnonzero(link)))
+    if len(base) < 2 or station[base[0]] == station[base[-1]]:
+        raise InputError(
+            f"{place}: markers: expected two on link '{fish.links[0].name}' at different stations, without along, "
+            "across or plane: they give the scale and the pose; add them"
         )
-        for plane in table.planes:
-            for name in plane.markers:
-                if name not in names:
-                    raise UnknownNameError(f"marker in {place}, planes", name, names)
-        planes = tuple(
-            Plane(tuple(names.index(name) for name in plane.markers), plane.shift, max(plane.slip, _NONE))
-            for plane in table.planes
+    if len(behind) < fish.joints:
+        raise InputError(
+            f"{place}: markers: {len(behind)} behind the head, expected {fish.joints} or more, as many as joints; "
+            "add them"
         )
-        raised = {m for plane in planes for m in plane.markers}
-        exact = [m for m, own in enumerate(markers) if own.link == 0 and own.along == own.across == 0.0]
-        base = sorted((m for m in exact if m not in raised), key=lambda m: markers[m].station)
-        behind = tuple(m for m, own in enumerate(markers) if own.link > 0)
-        if len(base) < 2 or markers[base[0]].station == markers[base[-1]].station:
-            raise InputError(
-                f"{place}: markers: expected two on link '{fish.links[0].name}' at different stations, without along, "
-                "across or plane: they give the scale and the pose; add them"
-            )
-        if len(behind) < fish.joints:
-            raise InputError(
-                f"{place}: markers: {len(behind)} behind the head, expected {fish.joints} or more, as many as joints; "
-                "add them"
-            )
-        lengths = readonly([link.length for link in fish.links])
-        rolling = next(((i, plane.below) for i, plane in enumerate(table.planes) if plane.below is not None), None)
-        return Marked(names, lengths, markers, planes, (base[0], base[-1]), behind, rolling)
+    shift, slip = (np.array([getattr(plane, name) for plane in table.planes]) for name in ("shift", "slip"))
+    rolling = next(((i, plane.below) for i, plane in enumerate(table.planes) if plane.below is not None), None)
+    ends = base[0], base[-1]
+    return Marked(names, lengths, link, station, doubts, inside, shift, slip, ends, behind, rolling)
 
-    def roll(self, fit: Fit) -> FloatArray | None:
-        """Return the roll (n,) [rad], positive with port up: what lies below the base then slips to port."""
-        if self.rolling is None:
-            return None
-        plane, below = self.rolling
-        return np.asarray(-fit.coordinates()[:, 2 + len(self.lengths) + plane] / below)
+
+def _roll(marked: Marked, fit: Fit) -> FloatArray | None:
+    """Return the roll (n,) [rad], positive with port up: what lies below the base then slips to port."""
+    if marked.rolling is None:
+        return None
+    plane, below = marked.rolling
+    return np.asarray(-fit.coordinates()[:, 3 + marked.joints + plane] / below)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,32 +154,34 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
         InputError: too few markers are left for the pose or the joint angles.
     """
     dropped: list[int] = []
-    exchanged, mended = 0, False
-    while True:
-        with located(str(path)):
-            unused = np.isin(np.arange(measured.shape[1]), dropped)
-            fit, chain = _fit(np.where(unused[:, None], np.nan, measured), marked, rate)
-        if not mended:
-            mended = True
-            put_back, found = undo_exchanges(measured, fit)
-            if found.any():
-                measured, exchanged = put_back, int(found.sum())
-                continue
-        worst = _worst(fit, chain, marked, dropped)
-        if worst is None:
-            break
+    fit, chain = _fit(measured, dropped, marked, rate, path)
+    measured, found = undo_exchanges(measured, fit)
+    if found.any():
+        fit, chain = _fit(measured, dropped, marked, rate, path)
+    while (worst := _worst(fit, chain, marked, dropped)) is not None:
         dropped.append(worst)
-        _enough(dropped, fit, measured, marked, path)
-    return Track(fit, _astray(measured, fit, chain), tuple(dropped), exchanged)
+        left = len(marked.behind) - len(dropped)
+        if left < marked.joints:
+            named = ", ".join(marked.names[m] for m in sorted(dropped))
+            raise InputError(
+                f"{path}: no joint angles to be had: markers {named} are lost, exchanged or not where they belong, "
+                f"which leaves {left} behind the head, expected {marked.joints} or more; track these markers again, or "
+                "leave this file out"
+            )
+        fit, chain = _fit(measured, dropped, marked, rate, path)
+    return Track(fit, _astray(measured, fit, chain), tuple(dropped), int(found.sum()))
 
 
-def _fit(measured: FloatArray, marked: Marked, rate: float) -> tuple[Fit, Chain]:
-    chain = Chain(measured, marked.lengths, marked.markers, marked.planes)
+def _fit(measured: FloatArray, dropped: Sequence[int], marked: Marked, rate: float, path: Path) -> tuple[Fit, Chain]:
+    used = measured.copy()
+    used[:, dropped] = np.nan
+    chain = Chain(used, marked)
     time = np.arange(len(measured)) / rate
-    start, lateral = _start(steadied(measured), marked, chain)
+    start, lateral = _start(steadied(used), marked, chain)
     hertz, periodic = beat_frequency(time, lateral)
     first = hertz if periodic else None
-    return smooth(chain, Basis.of(time, first, HARMONICS), first, start, _SIGMA), chain
+    with located(str(path)):
+        return smooth(chain, Basis.of(time, first, HARMONICS), first, start, _SIGMA), chain
 
 
 def _start(seen: FloatArray, marked: Marked, chain: Chain) -> tuple[FloatArray, FloatArray]:
@@ -224,23 +190,22 @@ def _start(seen: FloatArray, marked: Marked, chain: Chain) -> tuple[FloatArray, 
     ahead = seen[:, front] - seen[:, rear]
     ahead = ahead / np.hypot(*ahead.T)[:, None]
     present = [m for m in marked.behind if np.isfinite(seen[:, m]).all()]
-    last = max(present, key=lambda m: (marked.markers[m].link, marked.markers[m].station))
-    fin = seen[:, last] - seen[:, rear]
+    ordered = sorted(present, key=lambda m: (marked.link[m], marked.station[m]))
+    fin = seen[:, ordered[-1]] - seen[:, rear]
     lateral = ahead[:, 0] * fin[:, 1] - ahead[:, 1] * fin[:, 0]
     yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
-    first = min(present, key=lambda m: (marked.markers[m].link, marked.markers[m].station))
-    along = seen[:, last] - seen[:, first]
+    along = seen[:, ordered[-1]] - seen[:, ordered[0]]
     bend = np.angle(np.exp(1j * (np.arctan2(along[:, 1], along[:, 0]) - yaw - np.pi)))
     start = np.zeros((len(seen), chain.coordinates))
-    start[:, :2] = seen[:, front] + marked.markers[front].station * ahead
+    start[:, :2] = seen[:, front] + marked.station[front] * ahead
     start[:, 2] = yaw
-    start[:, 3 : 3 + chain.joints] = 2.0 * bend[:, None] / (1 + chain.joints)
+    start[:, 3 : 3 + marked.joints] = 2.0 * bend[:, None] / (1 + marked.joints)
     return start, lateral
 
 
 def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> int | None:
     """Return the marker behind the head that is least where it belongs, None where all are."""
-    offsets = np.abs(chain.places(fit.shared)) / np.maximum(chain.doubts, 1e-6)
+    offsets = np.abs(chain.places(fit.shared)) / np.maximum(marked.doubts, 1e-6)
     usual = float(np.median([fit.sigma[m] for m in range(len(marked.names)) if m not in dropped]))
     candidates = {
         m: max(float(offsets[m].max()) / _BELIEVED, float(fit.sigma[m]) / usual / _WANDERS)
@@ -251,21 +216,9 @@ def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> in
     return worst if candidates[worst] > 1.0 else None
 
 
-def _enough(dropped: Sequence[int], fit: Fit, measured: FloatArray, marked: Marked, path: Path) -> None:
-    left = len(marked.behind) - len(dropped)
-    joints = len(marked.lengths) - 1
-    if left < joints:
-        named = ", ".join(f"{marked.names[m]}" for m in sorted(dropped))
-        raise InputError(
-            f"{path}: no joint angles to be had: markers {named} are lost, exchanged or not where they belong, which "
-            f"leaves {left} behind the head, expected {joints} or more; track these markers again, or leave this file "
-            "out"
-        )
-
-
 def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
     """Return where markers (n, markers) are not where they belong, those too that were not used."""
-    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared).value, -1, 0))
+    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
     usual = 4.0 * np.maximum(fit.sigma, np.median(fit.sigma))
     return np.asarray(~(off < usual))
 
@@ -274,15 +227,6 @@ def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
 _LEAST_SECONDS = 1.0
 #: Longest piece of a film that is smoothed at once [s]: time and memory go with the cube of its length.
 _LONGEST_SECONDS = 10.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Imported:
-    """A piece of a file: its trials without roles, its report, and whether all markers were used."""
-
-    recording: Recording
-    report: FileReport
-    complete: bool
 
 
 def import_markers(
@@ -311,39 +255,25 @@ def import_markers(
         InputError: a file is not a marker file, or has no stretch of two beats with all that is needed.
         UnknownNameError: `held_out` names nothing, or the mapping names no link of the fish.
     """
-    table = read_mapping(mapping, MarkersMap, importer)
-    assert mapping is not None  # noqa: S101 - read refuses None
-    fish = fish_of(table, mapping)
-    marked = Marked.of(table, fish, mapping)
-    by_file = [_import(path, table, marked, (read or read_points)(path, table)) for path in files]
-    names = [_run_name(path, table) for path in files]
-    check_distinct(names, files)
-    pieces = [(name, piece) for name, found in zip(names, by_file, strict=True) for piece in found]
-    pairs = [(name, trial) for name, piece in pieces for trial in piece.recording.trials]
-    doubtful = [not piece.complete for _, piece in pieces for _ in piece.recording.trials]
-    dataset = Dataset(
-        name=f"{importer} {', '.join(names)}",
-        fish=fish,
-        trials=assign_roles(pairs, held_out, doubtful),
-    )
-    dataset = with_noise(dataset, [piece.recording for _, piece in pieces])
-    return dataset, ImportReport(importer, tuple(piece.report for _, piece in pieces))
+    table, fish, place = read_mapping(mapping, MarkersMap, importer)
+    marked = placed(table, fish, place)
+    runs = [run for path in files for run in _import(path, table, marked, (read or read_points)(path, table))]
+    dataset, report = assembled(runs, fish, held_out, importer, importer)
+    return with_noise(dataset, runs), report
 
 
-def _run_name(path: Path, table: MarkersMap) -> str:
-    return path.stem.removeprefix(table.prefix)
-
-
-def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -> list[_Imported]:
+def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -> list[Run]:
     """Import a file, a long one in pieces of equal length; those that cannot be used are cut out, if others can."""
     position, scale = metres(path, points, table, marked)
-    found: list[_Imported] = []
+    found: list[Run] = []
     cuts: list[Cut] = []
     count = int(np.ceil(len(position) / (_LONGEST_SECONDS * table.rate)))
     ends = [len(position) * k // count for k in range(count + 1)]
-    for label, (first, end) in zip(stretch_names(_run_name(path, table), count), pairwise(ends), strict=True):
+    name = path.stem.removeprefix(table.prefix)
+    for label, (first, end) in zip(stretch_names(name, count), pairwise(ends), strict=True):
         try:
-            found.append(_piece(position[first:end], scale, table, marked, path, label, first / table.rate))
+            piece = _piece(position[first:end], scale, table, marked, path, label, first / table.rate)
+            found.append(replace(piece, name=name))
         except InputError as error:
             if count == len(cuts) + 1:  # all before it were lost, too
                 raise
@@ -354,26 +284,18 @@ def _import(path: Path, table: MarkersMap, marked: Marked, points: FloatArray) -
 
 def _piece(
     position: FloatArray, scale: float, table: MarkersMap, marked: Marked, path: Path, label: str, begin: float
-) -> _Imported:
+) -> Run:
     """Import a piece of a film, under a name of its own, that begins at a time of the file [s]."""
     track = fit_track(position, marked, table.rate, path)
     seen, reasons = _seen(track, marked)
-    recording = record(track.fit, len(marked.lengths) - 1, seen, reasons, label, path, marked.roll(track.fit))
-    report = FileReport(
-        path=path,
-        trials=tuple(trial.name for trial in recording.trials),
-        frames=len(position),
+    trials, report = record(track.fit, marked.joints, seen, reasons, label, path, _roll(marked, track.fit))
+    report = replace(
+        report,
         usable=int((~track.astray[:, marked.behind]).all(axis=1).sum()),
-        kept=sum(len(trial.time) for trial in recording.trials),
-        beat=track.fit.beat,
-        speed=float(np.concatenate([trial.velocity[:, 0] for trial in recording.trials]).mean()),
-        noise=(float(recording.noise[0]), float(recording.noise[1]), float(recording.noise[2])),
-        correlation_time=recording.correlation_time,
-        joint_noise=recording.joint_noise,
-        cuts=tuple(replace(cut, start=cut.start + begin, end=cut.end + begin) for cut in recording.cuts),
-        notes=_notes(track, marked, recording, scale),
+        cuts=tuple(replace(cut, start=cut.start + begin, end=cut.end + begin) for cut in report.cuts),
+        notes=_notes(track, marked, report.notes, scale),
     )
-    return _Imported(recording, report, not track.dropped)
+    return Run(label, trials, report, not track.dropped)
 
 
 def read_points(path: Path, table: MarkersMap) -> FloatArray:
@@ -414,25 +336,23 @@ def _seen(track: Track, marked: Marked) -> tuple[BoolArray, dict[int, str]]:
     return np.asarray(~lost.any(axis=1)), reasons
 
 
-def _notes(track: Track, marked: Marked, recording: Recording, scale: float) -> tuple[str, ...]:
+def _notes(track: Track, marked: Marked, bridged: Sequence[str], scale: float) -> tuple[str, ...]:
     notes = [
         f"marker {marked.names[m]} lost in {int(track.astray[:, m].sum())} frames and not used"
         for m in sorted(track.dropped)
     ]
     if track.exchanged:
         notes.append(f"markers exchanged in {track.exchanged} frames and put back")
-    if recording.bridged:
-        notes.append(f"{recording.bridged} frames with lost markers bridged")
     spread = 1e3 * float(np.median(track.fit.sigma / np.sqrt(track.fit.frames)))
-    notes.append(
+    known = (
         f"markers known to {spread:.2g} mm ({spread / scale / 1e3:.2g} pixels), errors correlated over "
         f"{float(np.median(track.fit.frames)):.0f} frames"
     )
-    return tuple(notes)
+    return (*notes, *bridged, known)
 
 
 def import_fishsim(
     files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
 ) -> tuple[Dataset, ImportReport]:
     """Import marker files of the folder Data/Markers of the repository, see `import_markers`."""
-    return import_markers(files, held_out, mapping or layout("fishsim"), importer="fishsim")
+    return import_markers(files, held_out, mapping or LAYOUTS / "fishsim.toml", importer="fishsim")

@@ -35,7 +35,6 @@ class Importer(Protocol):
             held_out: trials or runs named here get the role ``held_out``, all others ``fit``.
             mapping: a TOML that says what columns, units and axes mean; an importer that needs none ignores it.
         """
-        ...
 
 
 IMPORTERS: Mapping[str, Importer] = {

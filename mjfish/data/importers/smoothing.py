@@ -8,7 +8,7 @@ B are quintic B-splines whose prior is that of the smoothing spline of order 6, 
 twice-integrated white acceleration of intensity q ([Wahba1990], ch. 1.5). The harmonics have no such prior. Motion that
 repeats with the beat is therefore known in a gap too; other motion is known as far as it is smooth.
 
-The posterior of the coefficients a and of the parameters that all frames share (`Observation`) follows by Gauss-Newton
+The posterior of the coefficients a and of the parameters that all frames share (`Chain`) follows by Gauss-Newton
 steps on
 
     sum_points w |u - u(a)|^2 / sigma_m^2 + sum_c a_c' R a_c / q_c + priors
@@ -30,16 +30,17 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
+from mjfish.data.importers.chain import Chain
+from mjfish.data.validation import beat_columns, residual
 from mjfish.errors import InputError
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+from mjfish.numerics.block_angular import IntArray
 
 _DEGREE = 5
 #: Knots a beat, and the widest and the narrowest distance of knots [s].
@@ -82,18 +83,17 @@ class Basis:
         return self.splines + 2 * self.harmonics
 
     def design(self, beat: float | None, order: int = 0) -> FloatArray:
-        """Return the functions (order 0) or their rates (order 1) at the times: (n, size)."""
+        """Return the functions (order 0) or their rates (order 1), .. at the times: (n, size)."""
         columns = [_evaluated(self.time.tobytes(), self.knots.tobytes(), order)]
         for k in range(1, self.harmonics + 1):
             omega = 2.0 * np.pi * k * float(beat or 0.0)
-            phase = omega * (self.time - self._middle)
-            cos, sin = np.cos(phase), np.sin(phase)
-            columns.append(np.column_stack([cos, sin] if order == 0 else [-omega * sin, omega * cos]))
+            phase = omega * (self.time - self._middle) + 0.5 * np.pi * order
+            columns.append(omega**order * np.column_stack([np.cos(phase), np.sin(phase)]))
         return np.concatenate(columns, axis=1)
 
-    def stretched(self, beat: float | None) -> FloatArray:
-        """Return the derivative (n, size) of the functions by the logarithm of the beat."""
-        slope = self.design(beat, order=1) * (self.time - self._middle)[:, None]
+    def stretched(self, beat: float | None, order: int = 0) -> FloatArray:
+        """Return the derivative (n, size) of the functions, or of their rates, by the logarithm of the beat."""
+        slope = self.design(beat, order + 1) * (self.time - self._middle)[:, None] + order * self.design(beat, order)
         slope[:, : self.splines] = 0.0
         return slope
 
@@ -117,57 +117,6 @@ def _evaluated(time: bytes, knots: bytes, order: int) -> FloatArray:
     return readonly(BSpline(t, np.eye(len(t) - _DEGREE - 1), _DEGREE)(np.frombuffer(time), nu=order))
 
 
-IntArray = NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Predicted points and their derivatives.
-
-    Attributes:
-        value: (n, points, d).
-        of_frame: (n, points, d, coordinates) by the coordinates of the frame.
-        shared: (n, points, d, shared) by what all frames share.
-    """
-
-    value: FloatArray
-    of_frame: FloatArray
-    shared: FloatArray
-
-
-class Observation(Protocol):
-    """Points that are seen in every frame, as a function of the frame's coordinates and of what all frames share."""
-
-    @property
-    def measured(self) -> FloatArray:
-        """(n, points, d); what was not seen is NaN."""
-        ...
-
-    @property
-    def coordinates(self) -> int:
-        """Number of coordinates a frame."""
-        ...
-
-    @property
-    def kinds(self) -> IntArray:
-        """(coordinates,) numbers; coordinates of a number are equally smooth."""
-        ...
-
-    @property
-    def belief(self) -> FloatArray:
-        """(shared,) standard deviations about zero that are believed of what all frames share."""
-        ...
-
-    @property
-    def form(self) -> FloatArray:
-        """(coordinates, coordinates) precision believed of the coordinates, about zero, once for every look."""
-        ...
-
-    def at(self, coordinates: FloatArray, shared: FloatArray) -> Linearised:
-        """Return the points for coordinates (n, coordinates) and shared (shared,)."""
-        ...
-
-
 #: Belief about every coefficient [m or rad]: wide; and about the logarithm of the beat.
 _WIDE, _BEAT = 30.0, 0.05
 
@@ -185,96 +134,69 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The normal equations at one state, and what they were made of."""
+    """The normal equations at one state: the covariance of all unknowns that they give, and what they were made of.
 
-    normal: FloatArray
+    `slopes`: (n, points, d, k) derivatives by the coordinates of the frame and by what all frames share, the logarithm
+    of the beat last.
+    """
+
+    covariance: FloatArray
     right: FloatArray
     residual: FloatArray
-    of_frame: FloatArray
-    shared: FloatArray
+    slopes: FloatArray
     design: FloatArray
 
     @classmethod
-    def of(cls, seen: Observation, basis: Basis, state: State, weight: FloatArray, rough: FloatArray) -> System:
+    def of(cls, seen: Chain, basis: Basis, state: State, weight: FloatArray, rough: FloatArray) -> System:
         """Linearise at a state, with weights (n, points) and the roughness (size, size) of the basis."""
         design = basis.design(state.beat)
-        here = seen.at(design @ state.coefficients.T, state.shared)
-        residual = np.where(weight[..., None] > 0.0, seen.measured - here.value, 0.0)
-        shared = _with_beat(here, basis, state)
-        scaled = weight / np.square(state.sigma)
-        weighted = here.of_frame * scaled[..., None, None]
-        own = np.einsum("npdi,npdj->nij", weighted, here.of_frame, optimize=True)
-        mixed = np.einsum("npdi,npdj->nij", weighted, shared, optimize=True)
-        right_own = np.einsum("npdi,npd->ni", weighted, residual, optimize=True)
-        weighted_shared = shared * scaled[..., None, None]
         count, size = state.coefficients.shape
-        total = count * size + shared.shape[3]
-        normal, right = np.zeros((total, total)), np.zeros(total)
+        value, slopes = seen.at(design @ state.coefficients.T, state.shared)
+        residual = np.where(weight[..., None] > 0.0, seen.measured - value, 0.0)
+        if state.beat is not None:
+            rate = basis.stretched(state.beat) @ state.coefficients.T
+            slopes = np.concatenate([slopes, np.einsum("npdi,ni->npd", slopes[..., :count], rate)[..., None]], axis=3)
+        weighted = slopes * (weight / np.square(state.sigma))[..., None, None]
+        gram = np.einsum("npdi,npdj->nij", weighted, slopes, optimize=True)
+        pull = np.einsum("npdi,npd->ni", weighted, residual, optimize=True)
+        normal, right = _belief(seen, basis, state, rough)
+        own = count * size
         for i in range(count):
-            rows = slice(i * size, (i + 1) * size)
-            for j in range(i + 1):
-                normal[rows, j * size : (j + 1) * size] = design.T @ (own[:, i, j, None] * design)
-            normal[count * size :, rows] = (design.T @ mixed[:, i]).T
-            right[rows] = design.T @ right_own[:, i]
-        normal[count * size :, count * size :] = np.einsum("npdi,npdj->ij", weighted_shared, shared, optimize=True)
-        right[count * size :] = np.einsum("npdi,npd->i", weighted_shared, residual, optimize=True)
-        normal = np.tril(normal) + np.tril(normal, -1).T
-        _believe(normal, right, seen, basis, state, rough)
-        return cls(normal, right, residual, here.of_frame, shared, design)
+            for j in range(i + 1):  # the lower triangle is all that is read
+                block = design.T @ (gram[:, i, j, None] * design)
+                normal[i * size : (i + 1) * size, j * size : (j + 1) * size] += block
+        mixed = np.einsum("nik,na->kia", gram[:, :count, count:], design, optimize=True)
+        normal[own:, :own] += mixed.reshape(-1, own)
+        normal[own:, own:] += gram[:, count:, count:].sum(axis=0)
+        right += np.concatenate([(pull[:, :count].T @ design).ravel(), pull[:, count:].sum(axis=0)])
+        factor, _ = linalg.cho_factor(normal, lower=True)
+        lower, _ = linalg.lapack.dpotri(factor, lower=True)
+        covariance = np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+        return cls(covariance, right, residual, slopes, design)
 
-    def step(self, state: State, covariance: FloatArray) -> tuple[State, float]:
+    def step(self, state: State) -> tuple[State, float]:
         """Return the state after a Gauss-Newton step and its length in units of its own uncertainty."""
-        move = covariance @ self.right
-        count, size = state.coefficients.shape
-        own, shared = np.split(move, [count * size])
+        move = self.covariance @ self.right
+        own, shared = np.split(move, [state.coefficients.size])
         beat = state.beat
         if beat is not None:
             beat *= float(np.exp(np.clip(shared[-1], -_BEAT, _BEAT)))
             shared = shared[:-1]
         moved = float(np.sqrt(abs(move @ self.right) / len(move)))
-        new = replace(
-            state, beat=beat, coefficients=state.coefficients + own.reshape(count, size), shared=state.shared + shared
-        )
-        return new, moved
-
-    def covariance(self) -> FloatArray:
-        """Return the covariance of all unknowns."""
-        factor, _ = linalg.cho_factor(self.normal, lower=True)
-        lower, _ = linalg.lapack.dpotri(factor, lower=True)
-        return np.asarray(np.tril(lower) + np.tril(lower, -1).T)
+        coefficients = state.coefficients + own.reshape(state.coefficients.shape)
+        return replace(state, beat=beat, coefficients=coefficients, shared=state.shared + shared), moved
 
 
-def _with_beat(here: Linearised, basis: Basis, state: State) -> FloatArray:
-    """Return the derivatives by what is shared, with a last column for the logarithm of the beat."""
-    if state.beat is None:
-        return here.shared
-    rate = basis.stretched(state.beat) @ state.coefficients.T
-    return np.concatenate([here.shared, np.einsum("npdi,ni->npd", here.of_frame, rate)[..., None]], axis=3)
-
-
-def _believe(
-    normal: FloatArray, right: FloatArray, seen: Observation, basis: Basis, state: State, rough: FloatArray
-) -> None:
-    """Add the beliefs about coefficients and what is shared to the normal equations."""
-    count, size = state.coefficients.shape
+def _belief(seen: Chain, basis: Basis, state: State, rough: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what is believed of coefficients, of what is shared and of the beat, as normal equations."""
     design = basis.design(state.beat)
-    looks = (1 + 2 * basis.harmonics) / len(design)
-    gram = looks * design.T @ design
-    form = seen.form
-    for i in range(count):
-        rows = slice(i * size, (i + 1) * size)
-        own = rough / state.intensity[i] + np.eye(size) / _WIDE**2
-        normal[rows, rows] += own
-        right[rows] -= own @ state.coefficients[i]
-        for j in np.flatnonzero(form[i]):
-            normal[rows, j * size : (j + 1) * size] += form[i, j] * gram
-            right[rows] -= form[i, j] * gram @ state.coefficients[j]
-    belief = 1.0 / np.square(seen.belief)
-    at = np.arange(count * size, count * size + len(belief))
-    normal[at, at] += belief
-    right[at] -= belief * state.shared
-    if state.beat is not None:
-        normal[-1, -1] += 1.0 / _BEAT**2
+    gram = (1 + 2 * basis.harmonics) / len(design) * design.T @ design
+    smooth = np.kron(np.diag(1.0 / state.intensity), rough) + np.kron(seen.form, gram)
+    np.fill_diagonal(smooth, smooth.diagonal() + 1.0 / _WIDE**2)
+    beat = [] if state.beat is None else [0.0]
+    widths = np.append(seen.belief, [_BEAT for _ in beat])
+    normal = linalg.block_diag(smooth, np.diag(1.0 / np.square(widths)))
+    return normal, -normal @ np.concatenate([state.coefficients.ravel(), state.shared, beat])
 
 
 #: An intensity is believed to be `_LOW` of what it starts from, as much as so many known coefficients say, and stays
@@ -294,11 +216,10 @@ def first_intensity(start: FloatArray, kinds: IntArray, beat: float | None) -> F
     return np.asarray([rough[kinds == kind].mean() for kind in kinds])
 
 
-def noise_by_evidence(system: System, covariance: FloatArray, weight: FloatArray, state: State) -> FloatArray:
+def noise_by_evidence(system: System, weight: FloatArray, state: State) -> FloatArray:
     """Return the noise of the points (points,) that maximises the evidence."""
-    by_frame = _by_frame(system, covariance, *state.coefficients.shape)
-    slopes = np.concatenate([system.of_frame, system.shared], axis=3)
-    leverage = np.einsum("npdi,nij,npdj->np", slopes, by_frame, slopes, optimize=True)
+    by_frame = _by_frame(system, *state.coefficients.shape)
+    leverage = np.einsum("npdi,nij,npdj->np", system.slopes, by_frame, system.slopes, optimize=True)
     leverage = (weight * leverage).sum(axis=0) / np.square(state.sigma)
     squares = (weight * np.square(system.residual).sum(axis=2)).sum(axis=0)
     directions = system.residual.shape[2]
@@ -326,18 +247,17 @@ def correlation_frames(residual: FloatArray) -> FloatArray:
     return np.asarray(np.clip(1.0 + 2.0 * (pairs * going).sum(axis=0), 1.0, n / 8))
 
 
-def _by_frame(system: System, covariance: FloatArray, count: int, size: int) -> FloatArray:
+def _by_frame(system: System, count: int, size: int) -> FloatArray:
     """Return the covariance of coordinates and shared, frame by frame (n, k, k)."""
-    design, shared = system.design, covariance.shape[0] - count * size
+    design, shared = system.design, system.slopes.shape[3] - count
+    # Row for row what a coordinate of a frame is made of; what is shared is made of itself.
+    half = np.einsum("na,iak->nik", design, system.covariance[: count * size].reshape(count, size, -1), optimize=True)
     found = np.empty((len(design), count + shared, count + shared))
-    for i in range(count):
-        rows = slice(i * size, (i + 1) * size)
-        for j in range(i + 1):
-            block = covariance[rows, j * size : (j + 1) * size]
-            found[:, i, j] = found[:, j, i] = np.einsum("ni,ni->n", design @ block, design)
-        found[:, i, count:] = design @ covariance[rows, count * size :]
-        found[:, count:, i] = found[:, i, count:]
-    found[:, count:, count:] = covariance[count * size :, count * size :]
+    own = half[..., : count * size].reshape(-1, count, count, size)
+    found[:, :count, :count] = np.einsum("nijb,nb->nij", own, design, optimize=True)
+    found[:, :count, count:] = half[..., count * size :]
+    found[:, count:, :count] = found[:, :count, count:].transpose(0, 2, 1)
+    found[:, count:, count:] = system.covariance[count * size :, count * size :]
     return found
 
 
@@ -345,31 +265,17 @@ def intensity_by_evidence(
     state: State, covariance: FloatArray, rough: FloatArray, basis: Basis, kinds: IntArray, first: FloatArray
 ) -> FloatArray:
     """Return the intensities (coordinates,) that maximise the evidence, one for each kind."""
-    count, size = state.coefficients.shape
-    squares, known = np.zeros(count), np.zeros(count)
+    own, alike = state.coefficients, np.equal.outer(kinds, kinds)
+    blocks = covariance[: own.size, : own.size].reshape(own.shape * 2)
     rank = float(basis.splines - 3)
-    for i in range(count):
-        rows = slice(i * size, (i + 1) * size)
-        own = state.coefficients[i]
-        squares[i] = own @ rough @ own / state.intensity[i]
-        known[i] = rank - float((rough * covariance[rows, rows]).sum()) / state.intensity[i]
-    found = np.empty(count)
-    for kind in np.unique(kinds):
-        same_kind = kinds == kind
-        held = _HELD * _LOW * float((first[same_kind] / state.intensity[same_kind]).mean())
-        # The step of expectation maximisation, which is safe, lengthened where the data know few of the coefficients.
-        unknown = float((rank - known[same_kind]).sum())
-        ratio = (float(squares[same_kind].sum()) + unknown + held) / (rank * same_kind.sum() + _HELD)
-        longer = min(rank * same_kind.sum() / max(float(known[same_kind].sum()), 1.0), _LONGEST)
-        found[same_kind] = state.intensity[same_kind] * ratio**longer
-    return np.clip(found, _LEAST * first, _MOST * first)
-
-
-def has_converged(before: State, after: State) -> bool:
-    """Return whether noise and intensities stay; the sixth root of an intensity is a frequency."""
-    by_noise = np.abs(np.log(after.sigma / before.sigma)).max()
-    smooth = np.abs(np.log(after.intensity / before.intensity)).max() / 6.0
-    return bool(max(by_noise, smooth) < _CONVERGED)
+    squares = np.einsum("ia,ab,ib->i", own, rough, own) / state.intensity
+    known = rank - np.einsum("ab,iaib->i", rough, blocks) / state.intensity
+    every = rank * alike.sum(axis=1)
+    held = _HELD * _LOW * (alike @ (first / state.intensity)) / alike.sum(axis=1)
+    # The step of expectation maximisation, which is safe, lengthened where the data know few of the coefficients.
+    ratio = (alike @ (squares + rank - known) + held) / (every + _HELD)
+    longer = np.minimum(every / np.maximum(alike @ known, 1.0), _LONGEST)
+    return np.asarray(np.clip(state.intensity * ratio**longer, _LEAST * first, _MOST * first))
 
 
 #: Degrees of freedom of the Student weights; points farther than so many sigma do not count in the end.
@@ -413,21 +319,11 @@ class Fit(State):
         rows = np.zeros((len(self.basis.time), len(self.covariance)))
         rows[:, coordinate * size : (coordinate + 1) * size] = self.basis.design(self.beat, order)
         if self.beat is not None:
-            own = self.coefficients[coordinate]
-            rows[:, -1] = self.basis.stretched(self.beat) @ own
-            if order:
-                # d/dlnf of k w (..) is the rate itself, and what the stretched phase does to it.
-                rows[:, -1] = _stretched_rate(self.basis, self.beat) @ own
+            rows[:, -1] = self.basis.stretched(self.beat, order) @ self.coefficients[coordinate]
         return rows
 
 
-def _stretched_rate(basis: Basis, beat: float) -> FloatArray:
-    """Return the derivative (n, size) of the functions' rates by the logarithm of the beat, by a central step."""
-    step = 1e-5
-    return np.asarray((basis.design(beat * (1 + step), 1) - basis.design(beat * (1 - step), 1)) / (2 * step))
-
-
-def smooth(seen: Observation, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
+def smooth(seen: Chain, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
     """Fit coordinates to what was seen.
 
     Args:
@@ -449,7 +345,7 @@ def smooth(seen: Observation, basis: Basis, beat: float | None, start: FloatArra
         ) from None
 
 
-def _smoothed(seen: Observation, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
+def _smoothed(seen: Chain, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
     measured = seen.measured
     there: BoolArray = np.asarray(np.isfinite(measured).all(axis=2))
     rough = np.pad(basis.roughness(), (0, basis.size - basis.splines))
@@ -464,32 +360,32 @@ def _smoothed(seen: Observation, basis: Basis, beat: float | None, start: FloatA
     weight: FloatArray = np.asarray(there, dtype=np.float64)
     for number in range(_ROBUST + _PASSES):
         system = System.of(seen, basis, state, weight, rough)
-        covariance = system.covariance()
         before = state
         if number:  # a first step comes before any judgement of the noise
             state = replace(
                 state,
-                sigma=noise_by_evidence(system, covariance, weight, state),
-                intensity=intensity_by_evidence(state, covariance, rough, basis, seen.kinds, first),
+                sigma=noise_by_evidence(system, weight, state),
+                intensity=intensity_by_evidence(state, system.covariance, rough, basis, seen.kinds, first),
             )
-        state, moved = system.step(state, covariance)
+        state, moved = system.step(state)
         weight = _weights(seen, basis, state, there, student=number < _ROBUST)
-        if number > _ROBUST and moved < _MOVED and has_converged(before, state):
+        noise = np.abs(np.log(state.sigma / before.sigma)).max()
+        smoothness = np.abs(np.log(state.intensity / before.intensity)).max() / 6.0  # its sixth root is a frequency
+        if number > _ROBUST and moved < _MOVED and max(noise, smoothness) < _CONVERGED:
             break
     system = System.of(seen, basis, state, weight, rough)
-    covariance = system.covariance()
     return Fit(
         state.beat, state.coefficients, state.shared, state.sigma, state.intensity, basis, np.asarray(weight > 0.0),
-        covariance, _residual(seen, basis, state), correlation_frames(system.residual),
+        system.covariance, _residual(seen, basis, state), correlation_frames(system.residual),
     )  # fmt: skip
 
 
-def _residual(seen: Observation, basis: Basis, state: State) -> FloatArray:
+def _residual(seen: Chain, basis: Basis, state: State) -> FloatArray:
     """Return measured minus fitted, of points that do not count too."""
-    return np.asarray(seen.measured - seen.at(basis.design(state.beat) @ state.coefficients.T, state.shared).value)
+    return np.asarray(seen.measured - seen.at(basis.design(state.beat) @ state.coefficients.T, state.shared)[0])
 
 
-def _weights(seen: Observation, basis: Basis, state: State, there: BoolArray, *, student: bool) -> FloatArray:
+def _weights(seen: Chain, basis: Basis, state: State, there: BoolArray, *, student: bool) -> FloatArray:
     off = np.nan_to_num(np.square(_residual(seen, basis, state)).sum(axis=2), nan=np.inf) / np.square(state.sigma)
     directions = seen.measured.shape[2]
     if student:
@@ -505,16 +401,13 @@ _PERIODIC = 0.7
 
 def beat_frequency(time: FloatArray, lateral: FloatArray) -> tuple[float, bool]:
     """Return the frequency [Hz] that, with a drift, leaves the least of a motion (n,), and whether it is a beat."""
-    share = time / max(float(np.ptp(time)), 1e-9)
+    span = max(float(np.ptp(time)), 1e-9)
+    share = (time - time[0]) / span
 
     def sum_of_squares(trial: float, harmonics: int = 1) -> float:
-        phase = 2.0 * np.pi * trial * time
-        waves = [wave(k * phase) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
-        design = np.column_stack([np.ones_like(time), share, *waves])
-        return float(np.square(lateral - design @ np.linalg.lstsq(design, lateral)[0]).sum())
+        return float(np.square(residual(beat_columns(share, trial * span, harmonics), lateral)).sum())
 
-    slowest = max(SLOWEST, 1.0 / float(np.ptp(time)))
-    step = 0.1 / float(np.ptp(time))
+    slowest, step = max(SLOWEST, 1.0 / span), 0.1 / span
     trials = np.arange(slowest, FASTEST, step)
     best = float(trials[int(np.argmin([sum_of_squares(trial) for trial in trials]))])
     refined = float(

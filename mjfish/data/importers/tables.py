@@ -22,7 +22,6 @@ from mjfish.data.importers.mapping import (
     VelocitiesMap,
     angle_columns,
     driven,
-    fish_of,
     joint_angle_remarks,
     measured_angles,
     read_mapping,
@@ -33,8 +32,8 @@ from mjfish.data.importers.smoothing import FASTEST, SLOWEST, beat_frequency
 from mjfish.data.importers.trials import (
     BEATS,
     SECONDS,
-    assign_roles,
-    check_distinct,
+    Run,
+    assembled,
     longest,
     runs,
     stretch_names,
@@ -65,11 +64,7 @@ class Columns:
     first_line: int | None = None
 
 
-#: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
-Read = Callable[[Path, str, Sequence[str]], Columns]
-
-
-def _read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) -> Columns:
+def read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) -> Columns:
     """Return the column of the time [s], and others, of a CSV file with a header."""
     sheet = read_sheet(path, table)
     time, dates = sheet.seconds(table.time, TIMES[table.time_unit])
@@ -84,30 +79,17 @@ def _read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str])
     return Columns(numbers, notes, first_line=sheet.layout.first_line)
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """What columns mean, the fish that swam, the mapping file (for messages), and how a file that is no CSV is read."""
-
-    table: PosesMap | VelocitiesMap
-    fish: Fish
-    file: Path
-    read: Read | None = None
-
-    def columns(self, path: Path, names: Sequence[str], fewest: int) -> Columns:
-        """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
-        own, time = self.read, self.table.time
-        found = _read_csv(path, self.table, names) if own is None else own(path, time, names)
-        rows = len(found.numbers[time])
-        if rows < fewest:
-            raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
-        return found
+#: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
+Read = Callable[[Path, PosesMap | VelocitiesMap, Sequence[str]], Columns]
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    name: str
-    trials: tuple[Trial, ...]
-    report: FileReport
+def _columns(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str], fewest: int, read: Read) -> Columns:
+    """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
+    found = read(path, table, names)
+    rows = len(found.numbers[table.time])
+    if rows < fewest:
+        raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
+    return found
 
 
 def import_tables(
@@ -117,7 +99,7 @@ def import_tables(
     *,
     model: type[PosesMap] | type[VelocitiesMap],
     importer: str,
-    read: Read | None = None,
+    read: Read = read_csv,
 ) -> tuple[Dataset, ImportReport]:
     """Turn tables of poses or of velocities into a dataset; joint angles are columns of the table, or a wave.
 
@@ -131,46 +113,57 @@ def import_tables(
         mapping: the mapping file.
         model: what it must hold.
         importer: for the report.
-        read: reads a file that is no CSV.
+        read: reads a file.
 
     Raises:
         MjfishError: the mapping or a file is not what it must be, or no stretch is long enough.
     """
-    table: PosesMap | VelocitiesMap = read_mapping(mapping, model, importer)
-    assert mapping is not None  # noqa: S101 - read refuses None
-    return _imported(files, held_out, _Source(table, fish_of(table, mapping), mapping, read), importer)
+    table, fish, place = read_mapping(mapping, model, importer)
+    return import_mapped(files, held_out, table, fish, place, importer, read)
 
 
-def _imported(
-    files: Sequence[Path], held_out: Sequence[str], source: _Source, importer: str
+def import_mapped(
+    files: Sequence[Path],
+    held_out: Sequence[str],
+    table: PosesMap | VelocitiesMap,
+    fish: Fish,
+    place: Path,
+    importer: str | None = None,
+    read: Read = read_csv,
 ) -> tuple[Dataset, ImportReport]:
-    """Return the dataset of files, a run each, and its report."""
-    table = source.table
+    """Turn tables into a dataset, as `import_tables` does, by a mapping that may be in no file.
+
+    Args:
+        files: one a run.
+        held_out: names of trials or runs not to be fitted.
+        table: what columns and units mean; its `fish` is not read.
+        fish: that swam.
+        place: of the mapping, for messages.
+        importer: for the report; left out: the kind of the mapping.
+        read: reads a file.
+
+    Raises:
+        MjfishError: as of `import_tables`.
+    """
+    noise = None
     if isinstance(table, PosesMap):
-        place, head = table.behind_nose, source.fish.links[0].length
-        if place is not None and not 0.0 <= place <= head:
+        behind, head = table.behind_nose, fish.links[0].length
+        if behind is not None and not 0.0 <= behind <= head:
             raise InputError(
-                f"{source.file}: behind_nose: {place:g} m, expected a point of the head, 0 to {head:g} m; leave it out "
+                f"{place}: behind_nose: {behind:g} m, expected a point of the head, 0 to {head:g} m; leave it out "
                 "to have it fitted, or give the track of a point of the head"
             )
-    runs_ = [
-        _pose_run(path, source, table) if isinstance(table, PosesMap) else _velocity_run(path, source, table)
-        for path in files
-    ]
-    check_distinct([run.name for run in runs_], files)
-    noise = table.noise if isinstance(table, VelocitiesMap) else None
-    dataset = Dataset(
-        name=f"{table.kind} {', '.join(run.name for run in runs_)}",
-        fish=source.fish,
-        trials=assign_roles([(run.name, trial) for run in runs_ for trial in run.trials], held_out),
-        noise=None if noise is None else readonly(noise),
-    )
-    return dataset, ImportReport(importer, tuple(run.report for run in runs_))
+        found = [_pose_run(path, table, fish, place, read) for path in files]
+    else:
+        found = [_velocity_run(path, table, fish, place, read) for path in files]
+        noise = None if table.noise is None else readonly(table.noise)
+    dataset, report = assembled(found, fish, held_out, importer or table.kind, table.kind)
+    return replace(dataset, noise=noise), report
 
 
-def _pose_run(path: Path, source: _Source, table: PosesMap) -> _Run:
+def _pose_run(path: Path, table: PosesMap, fish: Fish, mapping: Path, read: Read) -> Run:
     names = (table.x, table.y, table.yaw, *angle_columns(table))
-    columns = source.columns(path, names, _FEWEST_POSES)
+    columns = _columns(path, table, names, _FEWEST_POSES, read)
     for name in names:
         if not np.isfinite(columns.numbers[name]).any():
             raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
@@ -188,8 +181,8 @@ def _pose_run(path: Path, source: _Source, table: PosesMap) -> _Run:
         role=None,
         time=time,
         velocity=readonly(np.full((len(time), len(CHANNELS)), np.nan)),
-        joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file, path),
+        joint_angle=measured_angles(table, numbers, fish, mapping),
+        wave=wave_drive(table, fish, mapping, path),
         source=path,
         sensors=sensors,
         **driven(table),
@@ -214,7 +207,7 @@ def _pose_run(path: Path, source: _Source, table: PosesMap) -> _Run:
             *joint_angle_remarks(table, whole),
         ),
     )
-    return _Run(whole.name, trials, report)
+    return Run(whole.name, trials, report)
 
 
 def _each_once(columns: Columns, time: str, path: Path) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
@@ -266,23 +259,6 @@ def _long_enough(whole: Trial, rows: IntArray) -> bool:
     return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
 
-def increasing(time: FloatArray, path: Path, column: str, first_line: int | None) -> FloatArray:
-    """Return the times of a file [s], or refuse such that do not increase, or cannot show a beat.
-
-    Args:
-        time: (n,) [s].
-        path: of the file.
-        column: of the time.
-        first_line: of the numbers, see `row_name`.
-
-    Raises:
-        InputError: the message names the first row at fault.
-    """
-    check_increasing(time, path, first_line, column)
-    check_length(time, path)
-    return readonly(time)
-
-
 def check_length(time: FloatArray, path: Path) -> None:
     """Refuse a record whose times cannot show a beat: too short, or with too few rows for its length."""
     rows, seconds = len(time), float(np.ptp(time))
@@ -301,49 +277,49 @@ def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
     return np.column_stack([length * raw[:, 0], up * raw[:, 1], turn * (raw[:, 2] - table.yaw_zero)])
 
 
-def import_mapped(
-    files: Sequence[Path], held_out: Sequence[str], table: PosesMap | VelocitiesMap, fish: Fish, place: Path
-) -> tuple[Dataset, ImportReport]:
-    """Turn CSV tables into a dataset, as `import_tables` does, by a mapping that is in no file.
-
-    Args:
-        files: one a run.
-        held_out: names of trials or runs not to be fitted.
-        table: what columns and units mean; its `fish` is not read.
-        fish: that swam.
-        place: of the mapping, for messages.
-
-    Raises:
-        MjfishError: as of `import_tables`.
-    """
-    return _imported(files, held_out, _Source(table, fish, place), table.kind)
-
-
 _FEWEST_VELOCITIES = 7
 
 
-def _velocity_run(path: Path, source: _Source, table: VelocitiesMap) -> _Run:
-    whole, columns = _velocity_trial(path, source, table)
-    names = [name for name in columns.numbers if name != table.time]
-    numbers = np.column_stack([columns.numbers[name] for name in names])
-    complete: BoolArray = np.asarray(np.isfinite(numbers).all(axis=1))
+def _velocity_run(path: Path, table: VelocitiesMap, fish: Fish, mapping: Path, read: Read) -> Run:
+    names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
+    columns = _columns(path, table, names, _FEWEST_VELOCITIES, read)
+    numbers, time = columns.numbers, columns.numbers[table.time]
+    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
+    surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
+    sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
+    turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
+    check_increasing(time, path, columns.first_line, table.time)
+    check_length(time, path)
+    whole = Trial(
+        name=path.stem.removeprefix(table.prefix),
+        role=None,
+        time=readonly(time),
+        velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
+        joint_angle=measured_angles(table, numbers, fish, mapping),
+        wave=wave_drive(table, fish, mapping, path),
+        source=path,
+        **driven(table),
+    )
+    complete: BoolArray = np.asarray(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1))
     trials: tuple[Trial, ...] = (whole,)
     kept = [(0, len(complete))]
     if not complete.all():
         kept = _stretches(whole, complete, path)
         labels = stretch_names(whole.name, len(kept))
         trials = tuple(_part(whole, np.arange(a, b), label) for label, (a, b) in zip(labels, kept, strict=True))
-    inside = np.concatenate([np.arange(a, b) for a, b in kept])
-    parts = replace(whole, time=readonly(whole.time[inside]), velocity=readonly(whole.velocity[inside]))
-    report = velocity_report(parts, table.noise, notes=columns.notes)
-    report = replace(
-        report,
+    report = FileReport(
+        path=path,
         trials=tuple(trial.name for trial in trials),
         frames=len(complete),
         usable=int(complete.sum()),
-        cuts=_cuts(whole.time, kept, names, columns.numbers),
+        kept=sum(len(trial.time) for trial in trials),
+        beat=None,
+        speed=float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()),
+        noise=table.noise,
+        cuts=_cuts(time, kept, names, numbers),
+        notes=columns.notes if table.noise else (*columns.notes, "noise not stated: estimated from the fit"),
     )
-    return _Run(whole.name, trials, report)
+    return Run(whole.name, trials, report)
 
 
 def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int, int]]:
@@ -396,54 +372,3 @@ def _cuts(
         begin, end = float(time[a]), float(time[min(b, len(time) - 1)])
         found.append(Cut(begin, end, why if names else "before the drive starts"))
     return tuple(found)
-
-
-def _velocity_trial(path: Path, source: _Source, table: VelocitiesMap) -> tuple[Trial, Columns]:
-    names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
-    columns = source.columns(path, names, _FEWEST_VELOCITIES)
-    numbers = columns.numbers
-    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
-    surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
-    sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
-    turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
-    time = increasing(numbers[table.time], path, table.time, columns.first_line)
-    trial = Trial(
-        name=path.stem.removeprefix(table.prefix),
-        role=None,
-        time=time,
-        velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
-        joint_angle=measured_angles(table, numbers, source.fish, source.file),
-        wave=wave_drive(table, source.fish, source.file, path),
-        source=path,
-        **driven(table),
-    )
-    return trial, columns
-
-
-def velocity_report(
-    trial: Trial,
-    noise: tuple[float, float, float] | None = None,
-    beat: float | None = None,
-    notes: tuple[str, ...] = (),
-) -> FileReport:
-    """Return the report of a file of velocities that were all taken as they are.
-
-    Args:
-        trial: made of it.
-        noise: sigma of the channels that is stated.
-        beat: frequency that was read from it [Hz].
-        notes: what a reader should know besides.
-    """
-    assert trial.source is not None  # noqa: S101 - set in _trial
-    samples = len(trial.time)
-    return FileReport(
-        path=trial.source,
-        trials=(trial.name,),
-        frames=samples,
-        usable=samples,
-        kept=samples,
-        beat=beat,
-        speed=float(trial.velocity[:, 0].mean()),
-        noise=noise,
-        notes=notes if noise is not None else (*notes, "noise not stated: estimated from the fit"),
-    )

@@ -19,10 +19,10 @@ import numpy as np
 
 from mjfish.data import Dataset, Role, Trial
 from mjfish.data.error_modes import principal_modes
-from mjfish.data.importers.report import Cut
+from mjfish.data.importers.report import Cut, FileReport, ImportReport
 from mjfish.data.importers.smoothing import Fit
 from mjfish.errors import InputError, UnknownNameError
-from mjfish.fish import frames
+from mjfish.fish import Fish, frames
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 #: Correlation below which errors count as independent.
@@ -37,29 +37,24 @@ class Velocities:
     Attributes:
         value: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose.
         sigma: (n, 3) of their errors.
-        correlation: (lags, 3) of the errors of frames so many apart, mean over the middle of the run; lag 0 first.
+        apart: how many frames apart the errors of all channels are nearly independent.
     """
 
     value: FloatArray
     sigma: FloatArray
-    correlation: FloatArray
-
-    @property
-    def apart(self) -> int:
-        """How many frames apart the errors of all channels are nearly independent."""
-        far = np.flatnonzero((self.correlation < _INDEPENDENT).all(axis=1))
-        return int(far[0]) if far.size else len(self.correlation)
+    apart: int
 
 
 def nose_velocities(fit: Fit) -> Velocities:
     """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
-    yaw, rate = fit.coordinates()[:, _YAW], fit.coordinates(1)
-    lags = max(len(yaw) // 4, 1)
-    pairs = [_sigma_and_correlation(slope, fit.covariance, lags) for slope in velocity_gradients(fit)]
+    yaw, rate, slopes = fit.coordinates()[:, _YAW], fit.coordinates(1), velocity_gradients(fit)
+    spreads = [slope @ fit.covariance for slope in slopes]
+    correlation = np.column_stack(list(map(_correlation, slopes, spreads)))
+    far = np.flatnonzero((correlation < _INDEPENDENT).all(axis=1))
     return Velocities(
         value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
-        sigma=np.column_stack([sigma for sigma, _ in pairs]),
-        correlation=np.column_stack([correlation for _, correlation in pairs]),
+        sigma=np.column_stack(list(map(_sigma, slopes, spreads))),
+        apart=int(far[0]) if far.size else len(correlation),
     )
 
 
@@ -77,23 +72,18 @@ def velocity_gradients(fit: Fit) -> list[FloatArray]:
     ]
 
 
-def _sigma_and_correlation(slope: FloatArray, covariance: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
-    """Return sigma (n,) and the correlation (lags,) of errors with derivatives `slope` (n, unknowns)."""
-    spread = slope @ covariance
-    variance = np.einsum("nu,nu->n", spread, slope)
+def _sigma(slope: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return sigma (n,) of errors with derivatives `slope` (n, unknowns); `spread` is that times the covariance."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nu,nu->n", spread, slope), 0.0)))
+
+
+def _correlation(slope: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the correlation (lags,) of such errors of frames so many apart, mean over the middle; lag 0 first."""
     inner = slice(len(slope) // 8, len(slope) - len(slope) // 8)
-    products = [
-        float(np.einsum("nu,nu->", spread[inner][lag:], slope[inner][: len(slope[inner]) - lag]))
-        / max(len(slope[inner]) - lag, 1)
-        for lag in range(min(lags, len(slope[inner]) - 1))
-    ]
-    return np.sqrt(np.maximum(variance, 0.0)), np.asarray(products) / max(products[0], 1e-300)
-
-
-def coordinate_sigma(fit: Fit, coordinate: int) -> FloatArray:
-    """Return sigma (n,) of one coordinate."""
-    slope = fit.gradient(coordinate)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("nu,nu->n", slope @ fit.covariance, slope), 0.0)))
+    spread, own = spread[inner], slope[inner]
+    lags = range(min(max(len(slope) // 4, 1), len(own) - 1))
+    products = [float(np.einsum("nu,nu->", spread[lag:], own[: len(own) - lag])) / (len(own) - lag) for lag in lags]
+    return np.asarray(products) / max(products[0], 1e-300)
 
 
 #: Sigma may be so many times its median.
@@ -107,14 +97,13 @@ def well_known(velocity: FloatArray, angle: FloatArray, seen: BoolArray) -> Bool
 
     Args:
         velocity: (n, 3) sigma of the velocities.
-        angle: (n, joints) sigma of the joint angles [rad]; no columns where there are none.
+        angle: (n, joints) sigma of the joint angles [rad].
         seen: (n,) frames in which the points were seen; the medians are theirs.
     """
     seen = seen if seen.any() else np.ones_like(seen)
     keep = (velocity <= _KNOWN * np.median(velocity[seen], axis=0)).all(axis=1)
-    if angle.shape[1]:
-        keep &= (angle <= np.maximum(_KNOWN * np.median(angle[seen], axis=0), _ANGLE)).all(axis=1)
-    return np.asarray(keep)
+    known = (angle <= np.maximum(_KNOWN * np.median(angle[seen], axis=0), _ANGLE)).all(axis=1)
+    return np.asarray(keep & known)
 
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:
@@ -135,24 +124,20 @@ _SAMPLES = 24.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
-    """The trials of one run and what is known of them.
+class Run:
+    """What a file, or a piece of one, became.
 
     Attributes:
+        name: of the run of the file.
         trials: without roles.
-        noise: (3,) sigma of surge, sway [m/s], yaw rate [rad/s], rms over what is kept.
-        joint_noise: rms sigma of the joint angles [rad]; None without joints.
-        correlation_time: of the errors [s].
-        cuts: what was not kept, and why.
-        bridged: frames kept in which points were lost.
+        report: what was done.
+        complete: whether nothing that should be in the file had to be left out.
     """
 
+    name: str
     trials: tuple[Trial, ...]
-    noise: FloatArray
-    joint_noise: float | None
-    correlation_time: float
-    cuts: tuple[Cut, ...]
-    bridged: int
+    report: FileReport
+    complete: bool = True
 
 
 def record(
@@ -163,8 +148,8 @@ def record(
     name: str,
     source: Path,
     roll: FloatArray | None = None,
-) -> Recording:
-    """Turn a fit into trials.
+) -> tuple[tuple[Trial, ...], FileReport]:
+    """Turn a fit into trials, and report on them; all frames that were seen count as usable.
 
     Args:
         fit: coordinates x, y, yaw, then joint angles.
@@ -179,7 +164,8 @@ def record(
         InputError: no stretch is long enough.
     """
     moved = nose_velocities(fit)
-    angle_sigma = np.column_stack([np.zeros((len(seen), 0)), *(coordinate_sigma(fit, 3 + i) for i in range(joints))])
+    angles = [fit.gradient(3 + i) for i in range(joints)]
+    angle_sigma = np.column_stack([_sigma(slope, slope @ fit.covariance) for slope in angles])
     keep = well_known(moved.sigma, angle_sigma, seen)
     step = float(np.median(np.diff(fit.basis.time)))
     fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
@@ -191,28 +177,38 @@ def record(
             f"{source}: the longest usable stretch has {found} frames, expected {fewest} or more ({what})"
             f"{_lost(reasons)}; record longer, track again, or leave this file out"
         )
-    every = _every(moved.apart, joints, fit.beat, step)
+    # Errors of samples are independent, but joint angles dense enough for a spline.
+    most = 1 if fit.beat is None else int(1.0 / (_SAMPLES * fit.beat * step))
+    every = max(min(moved.apart, most), 1)
     place = fit.coordinates()
-    trials = [
+    trials = tuple(
         _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
         for label, (a, b) in zip(stretch_names(name, len(kept)), kept, strict=True)
-    ]
+    )
     inside = np.zeros(len(seen), dtype=np.bool_)
     for a, b in kept:
         inside[a:b] = True
-    return Recording(
-        trials=tuple(trials),
-        noise=np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)),
-        joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())) if joints else None,
+    surge, sway, yaw_rate = np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)).tolist()
+    bridged = int((inside & ~seen).sum())
+    return trials, FileReport(
+        path=source,
+        trials=tuple(trial.name for trial in trials),
+        frames=len(seen),
+        usable=int(seen.sum()),
+        kept=sum(len(trial.time) for trial in trials),
+        beat=fit.beat,
+        speed=float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()),
+        noise=(surge, sway, yaw_rate),
         correlation_time=moved.apart * step,
+        joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())),
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
-        bridged=int((inside & ~seen).sum()),
+        notes=(f"{bridged} frames with lost markers bridged",) if bridged else (),
     )
 
 
-def with_noise(dataset: Dataset, recordings: Sequence[Recording]) -> Dataset:
+def with_noise(dataset: Dataset, runs: Sequence[Run]) -> Dataset:
     """Return the dataset with the rms of the noise over its fit trials: a held-out file must not change the fit."""
-    variance = {trial.name: np.square(recording.noise) for recording in recordings for trial in recording.trials}
+    variance = {trial.name: np.square(np.array(run.report.noise)) for run in runs for trial in run.trials}
     fitted, _ = dataset.split()
     weights = [len(trial.time) for trial in fitted]
     mean = np.average([variance[trial.name] for trial in fitted], axis=0, weights=weights)
@@ -236,11 +232,11 @@ def _trial(
         role=None,
         time=readonly(time[rows] - time[rows.start]),
         velocity=readonly(value[rows]),
-        joint_angle=readonly(place[rows, 3 : 3 + joints]) if joints else None,
+        joint_angle=readonly(place[rows, 3 : 3 + joints]),
         pose=readonly(pose),
         roll=None if roll is None else readonly(roll[rows]),
         source=source,
-        errors=readonly(_error_modes(fit, rows, joints)) if joints else None,
+        errors=readonly(_error_modes(fit, rows, joints)),
     )
 
 
@@ -250,13 +246,6 @@ def _error_modes(fit: Fit, rows: slice, joints: int) -> FloatArray:
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     slopes = [*velocity_gradients(fit), *(fit.gradient(3 + i) for i in range(joints))]
     return principal_modes(np.stack([slope[rows] @ root for slope in slopes]))
-
-
-def _every(apart: int, joints: int, beat: float | None, step: float) -> int:
-    """Return how many frames a sample takes: errors independent, but joint angles dense enough for a spline."""
-    if not joints:
-        return max(apart, 1)
-    return max(min(apart, 1 if beat is None else int(1.0 / (_SAMPLES * beat * step))), 1)
 
 
 def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: BoolArray) -> str:
@@ -281,37 +270,40 @@ def stretch_names(name: str, count: int) -> list[str]:
     return [f"{name}-{suffix}" for suffix in suffixes]
 
 
-def assign_roles(
-    trials: Sequence[tuple[str, Trial]], held_out: Sequence[str], doubtful: Sequence[bool] = ()
-) -> tuple[Trial, ...]:
-    """Return the trials with roles.
+def assembled(
+    runs: Sequence[Run], fish: Fish, held_out: Sequence[str], importer: str, kind: str
+) -> tuple[Dataset, ImportReport]:
+    """Return the dataset of runs, its trials with roles, and the report on them.
 
     Args:
-        trials: each with the name of its file's run.
-        held_out: names of trials or runs not to be fitted.
-        doubtful: per trial, whether something had to be left out of it; where nothing is named, those are held out if
-            there are others.
+        runs: of files; pieces of one file share its name.
+        fish: that swam.
+        held_out: names of trials or runs not to be fitted; where nothing is named, runs that are not complete are held
+            out if there are others.
+        importer: its name, for the report.
+        kind: of the recordings, for the name of the dataset.
 
     Raises:
         UnknownNameError: `held_out` names nothing.
-        InputError: nothing is left to fit.
+        InputError: two files have runs of one name, or nothing is left to fit.
     """
-    known = {name for run, trial in trials for name in (run, trial.name)}
+    places: dict[str, Path] = {}
+    for run in runs:
+        if places.setdefault(run.name, run.report.path) != run.report.path:
+            raise InputError(
+                f"{run.report.path}: its trial '{run.name}' has the name of another file's; rename one file"
+            )
+    trials = [(run, trial) for run in runs for trial in run.trials]
+    known = {name for run, trial in trials for name in (run.name, trial.name)}
     for name in held_out:
         if name not in known:
             raise UnknownNameError("trial to hold out", name, known)
+    out = [not run.complete for run, _ in trials]
     if held_out:
-        out = [run in held_out or trial.name in held_out for run, trial in trials]
+        out = [run.name in held_out or trial.name in held_out for run, trial in trials]
         if all(out):
             raise InputError("all trials are held out, expected one or more to fit; name fewer of them to hold out")
-    else:
-        out = list(doubtful) or [False] * len(trials)
     roles: list[Role | None] = [None if not any(out) or all(out) else "held_out" if apart else "fit" for apart in out]
-    return tuple(replace(trial, role=role) for (_, trial), role in zip(trials, roles, strict=True))
-
-
-def check_distinct(names: Sequence[str], places: Sequence[object]) -> None:
-    """Refuse two files whose runs share a name."""
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            raise InputError(f"{places[index]}: its trial '{name}' has the name of another file's; rename one file")
+    with_roles = tuple(replace(trial, role=role) for (_, trial), role in zip(trials, roles, strict=True))
+    dataset = Dataset(name=f"{kind} {', '.join(places)}", fish=fish, trials=with_roles)
+    return dataset, ImportReport(importer, tuple(run.report for run in runs))
