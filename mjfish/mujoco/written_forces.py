@@ -69,11 +69,11 @@ def note_of(table_address: int, address: Any, data: Any, water: Any) -> int:
     table = carray(addresses(table_address), (_SLOTS, 2))
     row = _row(table, address)
     if row < 0:
-        _take_note(address, water.bodies, water.control, water.states)
+        _take_note(address, water.head[0].bodies, water.head[0].control, water.head[0].states)
         row = _row(table, address)
         if row >= 0:
-            written = carray(floats(table[row, 1]), (water.bodies, _NOTE))
-            written[:, 7:] = carray(floats(data.xfrc_applied), (water.bodies, 6))
+            written = carray(floats(table[row, 1]), (water.head[0].bodies, _NOTE))
+            written[:, 7:] = carray(floats(data.xfrc_applied), (water.head[0].bodies, 6))
     return table[row, 1] if row >= 0 else 0
 
 
@@ -82,7 +82,7 @@ def copy_written(note: int, data: Any, water: Any) -> None:
     """Copy what the water wrote on its bodies into the note at an address."""
     if note == 0:
         return
-    written = carray(floats(note), (water.bodies, _NOTE))
+    written = carray(floats(note), (water.head[0].bodies, _NOTE))
     for i in range(water.links.shape[0]):
         body = int(water.links[i].body)
         applied = carray(floats(data.xfrc_applied + 48 * body), 6)
