@@ -85,10 +85,8 @@ def copy_written(note: int, data: Any, water: Any) -> None:
     written = carray(floats(note), (water.head[0].bodies, _NOTE))
     for i in range(water.links.shape[0]):
         body = int(water.links[i].body)
-        applied = carray(floats(data.xfrc_applied + 48 * body), 6)
         written[body, 0] = 1.0
-        for k in range(6):
-            written[body, 1 + k] = applied[k]
+        written[body, 1:7] = carray(floats(data.xfrc_applied + 48 * body), 6)
 
 
 def _note(address: int, bodies: int, control: int, states: int) -> None:
@@ -182,15 +180,9 @@ def take_out() -> int:
 def _take_out(address: int, written: FloatArray, control: int, states: int) -> None:
     """Take what the water wrote out of one mjData."""
     data = carray(data_at(address), 1)[0]
-    for k in range(states):
-        carray(floats(data.ctrl + 8 * (control + k)), 1)[0] = 0.0
+    carray(floats(data.ctrl + 8 * control), states)[:] = 0.0
+    applied = carray(floats(data.xfrc_applied), (written.shape[0], 6))
     for body in range(written.shape[0]):
-        note = written[body]
-        applied = carray(floats(data.xfrc_applied + 48 * body), 6)
-        untouched = note[0] > 0.0
-        for k in range(6):
-            if not (applied[k] == note[1 + k] or (np.isnan(applied[k]) and np.isnan(note[1 + k]))):
-                untouched = False
-        if untouched:
-            for k in range(6):
-                applied[k] = note[7 + k]
+        now, last = applied[body], written[body, 1:7]
+        if written[body, 0] > 0.0 and np.all((now == last) | (np.isnan(now) & np.isnan(last))):
+            now[:] = written[body, 7:]

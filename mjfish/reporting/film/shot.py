@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mjfish.mujoco.offscreen import FIELD, Camera, Stage, Strokes
+from mjfish.mujoco.offscreen import FIELD, Stage, Strokes
 from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.film.stretch import Stretch
 from mjfish.reporting.log.drawing import COLOURS, FORCES, Figure, camera_path, floor_height
@@ -65,8 +65,10 @@ def frames(stretch: Stretch, size: Size, rate: float) -> Iterator[tuple[float, N
             turn = np.concatenate([figure.turn[k] for figure in figures])
             strokes = [stroke for figure in figures for stroke in _line(figure, drawing.length, k + 1)]
             strokes += [stroke for figure in figures for stroke in _arrows(figure, k, drawing.length)]
-            camera = Camera(_point(path[k]), distance, azimuth, _TILT)
-            yield float(time), stage.picture(place, turn, strokes, camera)
+            picture = stage.picture(
+                place, turn, strokes, target=path[k], distance=distance, azimuth=azimuth, elevation=_TILT
+            )
+            yield float(time), picture
 
 
 def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
@@ -96,7 +98,10 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     with Stage(bodies, width=size.width, height=size.height, floor=floor, spacing=spacing, extent=extent) as stage:
         place = np.concatenate([figure.place[0] for figure in bent])
         turn = np.concatenate([figure.turn[0] for figure in bent])
-        return times, stage.picture(place, turn, [*lines, *arrows], Camera(_point(middle), distance, azimuth, _STEEP))
+        picture = stage.picture(
+            place, turn, [*lines, *arrows], target=middle, distance=distance, azimuth=azimuth, elevation=_STEEP
+        )
+        return times, picture
 
 
 def _instants(stretch: Stretch) -> FloatArray:
@@ -181,7 +186,3 @@ def _arrows(figure: Figure, k: int, length: float) -> list[Strokes]:
             strokes.append(Strokes(start, start + shown, _ARROW * length, FORCES[kind], arrows=True))
     return strokes
 
-
-def _point(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
