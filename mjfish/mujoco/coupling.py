@@ -58,7 +58,9 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
     frame = np.empty((n, FRAME))
     force = np.empty((n, 6))  # f of each link, in its strips' frame
     wrench = np.empty((n, 6))  # f - A b
-    rates = carray(floats(data.ctrl + 8 * water.head[0].control), water.head[0].states)  # of hidden states: see mjfish.mujoco.memory
+    rates = carray(
+        floats(data.ctrl + 8 * water.head[0].control), water.head[0].states
+    )  # of hidden states: see mjfish.mujoco.memory
     scratch = load_scratch(data, water, rates)
     spatial = np.empty(6)
     acceleration = np.empty((c, 6))

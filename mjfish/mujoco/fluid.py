@@ -174,9 +174,7 @@ class StripFluid:
         _set_current(model, current)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
-        self._block: Block = Block(
-            model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads
-        )
+        self._block: Block = Block(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
         self._block.tag(model)
 
         def check() -> None:

@@ -60,10 +60,9 @@ def by_quantiles(values: FloatArray, bins: int) -> tuple[NDArray[np.int_], Float
 def binned(index: NDArray[np.int_], residual: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and its standard error (bins, 3) of residuals (n, 3) by bin (n,); NaN in empty bins."""
     mean, error = np.full((bins, 3), np.nan), np.full((bins, 3), np.nan)
-    reached = np.isfinite(residual)
     for k in range(bins):
         for channel in range(3):
-            inside = residual[reached[:, channel] & (index == k), channel]
+            inside = residual[np.isfinite(residual[:, channel]) & (index == k), channel]
             if len(inside) > 1:
                 mean[k, channel] = inside.mean()
                 error[k, channel] = inside.std(ddof=1) / np.sqrt(len(inside))
