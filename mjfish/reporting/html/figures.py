@@ -42,6 +42,8 @@ COLOURS = {
 POINTS = 2400
 #: Inputs that a residual is correlated with.
 INPUT_NAMES = {"beat": "last joint", "double_beat": "last joint, squared"}
+#: How the velocities read, with their units.
+VELOCITIES = tuple(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]" for channel in CHANNELS)
 #: Profiles side by side, at most, and the highest rise that is drawn, in units of the threshold.
 COLUMNS = 3
 _TOP = 1.6
@@ -113,9 +115,15 @@ class Panel:
         )  # fmt: skip
 
 
-def panels(rows: int, columns: int = 1, *, height: int, **layout: Any) -> go.Figure:
-    """Return a figure of empty panels, `height` pixels high; `layout` goes to `plotly.subplots.make_subplots`."""
-    return make_subplots(rows, columns, **layout).update_layout(template="mjfish", height=height)
+def panels(rows: int, columns: int = 1, *, height: int, headings: Sequence[str] = (), **layout: Any) -> go.Figure:
+    """Return a figure of empty panels, `height` pixels high, with headings, row by row.
+
+    `layout` goes to `plotly.subplots.make_subplots`.
+    """
+    figure = make_subplots(rows, columns, **layout).update_layout(template="mjfish", height=height)
+    for k, text in enumerate(headings):
+        Panel(figure, k // columns + 1, k % columns + 1).heading(text)
+    return figure
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -156,10 +164,7 @@ def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray], read: Sequen
             ]
         )
     figure = series_figure(
-        [
-            Series(f"{CHANNEL_NAMES[name]} [{UNITS[name]}]", trial.time, trial.velocity[:, k], _column(predicted, k))
-            for k, name in enumerate(CHANNELS)
-        ]
+        [Series(title, trial.time, trial.velocity[:, k], _column(predicted, k)) for k, title in enumerate(VELOCITIES)]
     )
     for segment in trial.drive[1:]:
         line = {"color": COLOURS["muted"], "width": 1, "dash": "dot"}
@@ -230,12 +235,11 @@ def worst_path(diagnosis: DiagnosisData) -> tuple[Overlay, SensorOverlay] | None
 
 def path_figure(diagnosis: DiagnosisData, places: SensorOverlay) -> go.Figure:
     """Return the places of one run in the plane, as measured and as the models predict them; metres are alike."""
-    figure = panels(1, height=380)
+    figure = panels(1, height=380, headings=["y [m] over x [m]"])
     panel, measured = Panel(figure, 1), places.sensor.values
     panel.curve(measured[:, 0], measured[:, 1], "measured", "measured", width=4.0)
     for model, values in predictions(diagnosis, places).items():
         panel.curve(values[:, 0], values[:, 1], model, model, width=1.8)
-    panel.heading("y [m] over x [m]")
     return figure.update_yaxes(scaleanchor="x", scaleratio=1).update_layout(hovermode="closest")
 
 
@@ -250,12 +254,11 @@ def residual_figure(residual: Residual) -> go.Figure:
 def force_figure(missing: MissingForce) -> go.Figure:
     """Return the missing force of a trial, one panel a component, bands two standard deviations wide on each side."""
     headings = ("surge [N]", "sway [N]", "yaw moment at the nose [N m]")
-    figure = panels(len(headings), height=380, shared_xaxes=True, vertical_spacing=0.07)
-    for k, heading in enumerate(headings):
+    figure = panels(len(headings), height=380, headings=headings, shared_xaxes=True, vertical_spacing=0.07)
+    for k in range(len(headings)):
         panel, force, half = Panel(figure, k + 1), missing.force[:, k], 2.0 * missing.band[:, k]
         panel.band(missing.time, force - half, force + half, "nominal-soft", "missing force")
         panel.curve(missing.time, force, "nominal", "missing force")
-        panel.heading(heading)
     figure.update_xaxes(range=[float(missing.time[0]), float(missing.time[-1])])
     return figure.update_xaxes(title_text="time [s]", row=len(headings)).update_yaxes(zeroline=True, nticks=4)
 

@@ -20,12 +20,12 @@ from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
-from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS
 from mjfish.inspection import DataReport, Inspection
 from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
-from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
+from mjfish.reporting.html.figures import COLOURS, VELOCITIES, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
 from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.simulation import CrossCheck, Simulation
@@ -108,11 +108,9 @@ def _(result: Simulation) -> go.Figure:
 
 def _velocities() -> tuple[go.Figure, list[Panel]]:
     """Return an empty figure of the velocities over time, and its panels, one a channel."""
-    drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
-    of_channels = [Panel(drawn, k + 1) for k in range(len(CHANNELS))]
-    for panel, channel in zip(of_channels, CHANNELS, strict=True):
-        panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
-    return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS)), of_channels
+    drawn = panels(len(VELOCITIES), height=480, headings=VELOCITIES, shared_xaxes=True, vertical_spacing=0.075)
+    of_channels = [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
+    return drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES)), of_channels
 
 
 @figure.register

@@ -9,9 +9,9 @@ import plotly.graph_objects as go
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mjfish.diagnosis import DiagnosisData, Overlay
-from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.formats import CHANNEL_NAMES
-from mjfish.reporting.html.figures import Panel, panels, scored_predictions
+from mjfish.reporting.html.figures import VELOCITIES, Panel, panels, scored_predictions
 
 #: Beats that are shown.
 _BEATS = 6.0
@@ -58,12 +58,11 @@ def stretch_figure(diagnosis: DiagnosisData, stretch: WorstStretch) -> go.Figure
     """Return the stretch as measured and as the models predict it."""
     trial, k = stretch.overlay.trial, CHANNELS.index(stretch.channel)
     window = slice(stretch.first, stretch.last)
-    figure = panels(1, height=280)
+    figure = panels(1, height=280, headings=[VELOCITIES[k]])
     panel = Panel(figure, 1)
     panel.curve(trial.time[window], trial.velocity[window, k], "measured", "measured", width=4.0)
     for model, values in scored_predictions(diagnosis, stretch.overlay).items():
         panel.curve(trial.time[window], values[window, k], model, model, width=1.8)
-    panel.heading(f"{CHANNEL_NAMES[stretch.channel]} [{UNITS[stretch.channel]}]")
     return figure.update_xaxes(title_text="time [s]")
 
 
