@@ -83,6 +83,6 @@ def link_poses(
     roll, pitch, heave = np.zeros((3, len(pose))) if attitude is None else attitude.T
     head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], pitch, roll])).as_quat()
     every = Rotation.from_quat(np.repeat(head, bend.shape[1], axis=0))
-    turn = (every * Rotation.from_euler("Z", bend.ravel())).as_quat()
+    turn = (every * Rotation.from_euler("Z", bend.reshape(-1, 1))).as_quat()
     nose = np.column_stack([pose[:, :2], heave])
     return nose[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turn.reshape(*bend.shape, 4)
