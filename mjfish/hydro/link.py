@@ -127,13 +127,6 @@ class Same(Generic[Thing]):
         return isinstance(other, Same) and other.thing is self.thing
 
 
-def fill(record: RecordArray, source: object) -> None:
-    """Fill the fields of a record that `source` has as attributes."""
-    for field in record.dtype.names or ():
-        if hasattr(source, field):
-            record[field] = getattr(source, field)
-
-
 @functools.lru_cache(maxsize=64)
 def _template(same: Same[Fish]) -> RecordArray:
     """Return the records of the links with every field set but the coefficients' values and the velocity."""
@@ -143,7 +136,9 @@ def _template(same: Same[Fish]) -> RecordArray:
     for record, link, outline in zip(records, fish.links, outlines(fish), strict=True):
         for field in ("mass", "com", "inertia", "length"):
             record[field] = getattr(link, field)
-        fill(record, outline)
+        for field in LINK.names or ():
+            if hasattr(outline, field):
+                record[field] = getattr(outline, field)
         for kind in KINDS:
             record[kind] = values[f"{kind}.{link.group}"]
         record["density"] = fish.density

@@ -23,7 +23,7 @@ from numba import carray, from_dtype
 
 from mjfish.errors import InputError, MjfishError
 from mjfish.fish.outline import LinkOutline, outline
-from mjfish.hydro.link import LINK, SPATIAL, fill
+from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.layout import counts, floats, pointer_to
@@ -181,7 +181,9 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
             record["center"] = link.origin if link.buoyancy_center is None else link.buoyancy_center
             continue
         integrals = outline(link.outline, density, link.start, link.start + link.length)
-        fill(record, integrals)
+        for field in SPATIAL.names or ():
+            if hasattr(integrals, field):
+                record[field] = getattr(integrals, field)
         record["length"] = link.length
         record["turn"] = link.frame.ravel()
         record["matrix"] = _matrix(integrals).ravel()
@@ -222,16 +224,20 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
     Mass, centre and inertia are those of the entire body; the last of the links is the fish's last.
     """
     filled = np.zeros(len(links), dtype=LINK)
-    for record, link in zip(filled, links, strict=True):
-        fill(record, outline(link.outline, density, link.start, link.start + link.length))
-        record["length"], record["density"] = link.length, density
+    for record, spatial, link in zip(filled, records(links, density), links, strict=True):
+        integrals = outline(link.outline, density, link.start, link.start + link.length)
+        for field in LINK.names or ():
+            if field in (SPATIAL.names or ()):
+                record[field] = spatial[field]
+        record["strip_perimeter"] = integrals.strip_perimeter
+        for field in ("coarse_r", "coarse_weight", "coarse_height"):
+            record[field] = getattr(integrals, field)
         body = model.body(link.body)
         turn = np.empty(9)
         mujoco.mju_quat2Mat(turn, body.iquat)
         record["mass"] = body.mass[0]
         record["com"] = link.frame[0] @ (body.ipos - np.array(link.origin))
         record["inertia"] = (link.frame[2] @ turn.reshape(3, 3)) ** 2 @ body.inertia
-    _fill_coefficients(filled, links)
     filled["first"][:1] = filled["last"][-1:] = 1.0
     return filled
 

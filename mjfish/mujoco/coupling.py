@@ -23,14 +23,14 @@ from numba import carray
 from mjfish.mujoco.layout import cholesky, cholesky_solve, factor_inertia, floats, fwd_actuation, integers, make_inertia
 from mjfish.mujoco.link_force import (
     FRAME,
-    PARTS,
     Six,
     add_added_inertia,
     add_applied,
+    add_loads,
     add_wrench,
     fill_accelerations,
     fill_frame,
-    fill_parts,
+    fill_non_inertial,
     load_scratch,
     take_inertial,
     to_world,
@@ -62,7 +62,6 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         floats(data.ctrl + 8 * water.head[0].control), water.head[0].states
     )  # of hidden states: see mjfish.mujoco.memory
     scratch = load_scratch(data, water, rates)
-    parts = np.empty((len(PARTS), 6))
     spatial = np.empty(6)
     acceleration = np.empty((c, 6))
     composite = np.zeros((c, 36))
@@ -71,15 +70,17 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         link = water.links[i]
         carrier = int(link.carrier)
         fill_frame(model, data, link, frame[i])
-        fill_parts(model, data, water, i, frame[i], scratch, parts)
-        force[i] = parts.sum(axis=0)
+        fill_non_inertial(model, data, link, frame[i], force[i])
+        if water.loads.addresses.shape[0] > 0:
+            add_loads(model, data, water, i, frame[i], scratch, force[i])
         wrench[i] = force[i]
         take_inertial(model, data, link, frame[i], acceleration[carrier], wrench[i])
         add_added_inertia(link, frame[i], composite[carrier])
     for row in range(c - 1, -1, -1):
         parent = int(carriers[row, 1])
         if parent >= 0:
-            composite[parent] += composite[row]
+            for k in range(36):
+                composite[parent, k] += composite[row, k]
     if water.head[0].inertia:
         make_inertia(model_pointer, data_pointer)
         _inject(model, data, carriers, composite)
@@ -162,7 +163,8 @@ def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: Fl
         to_world(wrench[i], frame[i], spatial)
         carrier = int(water.links[i].carrier)
         wet[carrier] = True
-        total[carrier] += spatial
+        for k in range(6):
+            total[carrier, k] += spatial[k]
     for row in range(carriers.shape[0] - 1, -1, -1):
         if not wet[row]:
             add_applied(model, data, int(carriers[row, 0]), total[row])
@@ -174,7 +176,8 @@ def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: Fl
                 force[dof] += axis[k] * total[row, k]
         parent = int(carriers[row, 1])
         if parent >= 0:
-            total[parent] += total[row]
+            for k in range(6):
+                total[parent, k] += total[row, k]
 
 
 @compiled

@@ -130,12 +130,16 @@ def _against_xfrc(model: mujoco.MjModel) -> Iterator[str]:
         )
     elif integrator == mujoco.mjtIntegrator.mjINT_EULER and not _disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
         damped = np.flatnonzero((model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1))
-        joints = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
-        tendons, actuators = np.any(model.tendon_damping > 0.0), np.any(model.actuator_damping > 0.0)
-        for whose, any_damped in ((joints, damped.size), ("actuators", actuators), ("tendons", tendons)):
-            if any_damped:
+        if damped.size:
+            names = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
+            yield (
+                f"integrator 'Euler' treats the damping of {names} implicitly, without the added mass; "
+                'set <flag eulerdamp="disable"/> or integrator="RK4"'
+            )
+        for kind, damping in (("actuators", model.actuator_damping), ("tendons", model.tendon_damping)):
+            if np.any(damping > 0.0):
                 yield (
-                    f"integrator 'Euler' treats the damping of {whose} implicitly, without the added mass; "
+                    f"integrator 'Euler' treats the damping of {kind} implicitly, without the added mass; "
                     'set <flag eulerdamp="disable"/> or integrator="RK4"'
                 )
     for constraint in _constraints(model):

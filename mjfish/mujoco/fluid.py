@@ -26,12 +26,12 @@ from mjfish.mujoco.coupling_choice import Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
     FRAME,
-    PARTS,
+    add_loads,
     add_wrench,
     fill_accelerations,
     fill_frame,
-    fill_parts,
     load_scratch,
+    non_inertial,
     take_inertial,
     to_world,
 )
@@ -41,6 +41,8 @@ from mjfish.mujoco.strip_link import DENSEST, StripLink
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.numerics.compiled import compiled
 
+#: Parts of the force on a link, in the order of the arrays.
+PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
 #: A link this many times as long as half of the model is warned of.
 _LARGER = 20.0
 
@@ -311,14 +313,21 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
     water = view(block_address)
     acceleration = np.empty((water.carriers.shape[0], 6))
     fill_accelerations(data, water.carriers, carray(floats(data.qacc), model.nv), acceleration)
-    frame, wrench = np.empty(FRAME), np.empty((len(PARTS), 6))
+    frame = np.empty(FRAME)
     scratch = load_scratch(data, water, np.empty(water.head[0].states))
     spatial = np.empty(6)
     for i in range(water.links.shape[0]):
         link = water.links[i]
+        wrench = np.zeros((len(PARTS), 6))
         fill_frame(model, data, link, frame)
-        fill_parts(model, data, water, i, frame, scratch, wrench)
+        drag, gyroscopic, munk, lift = non_inertial(model, data, link, frame)
+        wrench[0] = np.array(drag)
+        wrench[1] = np.array(gyroscopic)
         take_inertial(model, data, link, frame, acceleration[int(link.carrier)], wrench[1])
+        wrench[2, 3:] = np.array(munk)
+        wrench[3] = np.array(lift)
+        if water.loads.addresses.shape[0] > 0:
+            add_loads(model, data, water, i, frame, scratch, wrench[4])
         for part in range(len(PARTS)):
             to_world(wrench[part], frame, spatial)
             add_wrench(model, data, int(link.body), spatial, parts[part, i])

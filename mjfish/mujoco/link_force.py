@@ -23,8 +23,6 @@ from mjfish.numerics.compiled import compiled, merged
 
 #: Numbers of a strips' frame.
 FRAME = 12
-#: Parts of the force on a link, in the order of the arrays.
-PARTS = ("drag", "added_mass", "munk", "buoyancy", "loads")
 _NO_GRAVITY = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
 
 Vector = tuple[float, float, float]
@@ -159,6 +157,16 @@ def non_inertial(model: Any, data: Any, link: Any, frame: FloatArray) -> tuple[S
     )
 
 
+@compiled
+def fill_non_inertial(model: Any, data: Any, link: Any, frame: FloatArray, wrench: FloatArray) -> None:
+    """Set `wrench` (6,) to all but the inertial force and the loads."""
+    drag, gyroscopic, munk, lift = non_inertial(model, data, link, frame)
+    for k in range(6):
+        wrench[k] = drag[k] + gyroscopic[k] + lift[k]
+    for k in range(3):
+        wrench[3 + k] += munk[k]
+
+
 class LoadScratch(NamedTuple):
     """What a call of the loads on all links needs: not the block's own, as several threads may step copies of a model.
 
@@ -214,22 +222,6 @@ def add_loads(
     wrench[0] += fx
     wrench[1] += fy
     wrench[5] += mz
-
-
-@compiled
-def fill_parts(
-    model: Any, data: Any, water: Any, index: int, frame: FloatArray, scratch: LoadScratch, parts: FloatArray
-) -> None:
-    """Fill the parts (len(PARTS), 6) of the force on a link, all but the inertial one; arguments as of `add_loads`."""
-    parts[:] = 0.0
-    drag, gyroscopic, munk, lift = non_inertial(model, data, water.links[index], frame)
-    for k in range(6):
-        parts[0, k] = drag[k]
-        parts[1, k] = gyroscopic[k]
-        parts[3, k] = lift[k]
-    put(parts[2], 3, munk)
-    if water.loads.addresses.shape[0] > 0:
-        add_loads(model, data, water, index, frame, scratch, parts[4])
 
 
 @compiled
@@ -313,7 +305,11 @@ def fill_accelerations(data: Any, carriers: FloatArray, rate: FloatArray, accele
             acceleration[c, k] = acceleration[parent, k] if parent >= 0 else 0.0
         first = int(carriers[c, 2])
         for dof in range(first, first + int(carriers[c, 3])):
+            change = carray(floats(data.cdof_dot + 48 * dof), 6)
             speed = carray(floats(data.qvel + 8 * dof), 1)[0]
-            acceleration[c] += carray(floats(data.cdof_dot + 48 * dof), 6) * speed
+            for k in range(6):
+                acceleration[c, k] += change[k] * speed
             if rate.shape[0] > dof:
-                acceleration[c] += carray(floats(data.cdof + 48 * dof), 6) * rate[dof]
+                axis = carray(floats(data.cdof + 48 * dof), 6)
+                for k in range(6):
+                    acceleration[c, k] += axis[k] * rate[dof]

@@ -10,7 +10,7 @@ from wet_models import PLATE_LINK, TREE, compiled, stirred, tree, tree_links
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid
 from mjfish.mujoco.block import block_of
-from mjfish.mujoco.link_force import PARTS
+from mjfish.mujoco.fluid import PARTS
 
 _SEEDS = (1, 2, 3)
 
