@@ -24,7 +24,6 @@ from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis
 from mjfish.hydro.load import load
 from mjfish.reporting.film import files as film_files
-from mjfish.reporting.film.shot import Size
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -206,7 +205,7 @@ def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     """Its commands write the files that it names; small and short films do for that."""
     skip_without_gl()
     for suffix in film_files.SUFFIXES:
-        monkeypatch.setitem(film_files._SIZES, suffix, Size(320, 180))
+        monkeypatch.setitem(film_files._SIZES, suffix, (320, 180))
     for suffix in (".mp4", ".gif"):
         monkeypatch.setitem(film_files._RATES, suffix, 2.0)
     page = ROOT / "docs" / "render.md"

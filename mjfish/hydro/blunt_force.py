@@ -37,7 +37,7 @@ _ROUND = 1e-6  # ellipses whose axes differ by less turn like circles: they move
 
 
 @inlined
-def blunt_momentum(link: Any, v: Vector, w: Vector) -> Six:
+def momentum(link: Any, v: Vector, w: Vector) -> Six:
     """Return the impulses p [N s] and l [N m s]; with accelerations in place of velocities, their rates."""
     a = link.matrix
     c = link.c_m

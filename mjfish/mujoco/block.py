@@ -6,10 +6,7 @@ MuJoCo's control callback is given a model and its data and nothing else; models
 tag leads to a row of a table, the row to a block of numbers. A tag whose block is gone, or of another process, leads
 nowhere, and the callback then spoils the step visibly instead of leaving the model dry.
 
-A block holds, all as float64: HEADER numbers; a row of CARRIER numbers for every body of the trees that water acts on,
-parents first; a row of TREE numbers for every such tree; a `SPATIAL` record for every link; and, where there are loads
-(`mjfish.hydro.load`), their addresses (unsigned integers), a row of ROW numbers each, and a `LINK` record for every
-link, for them to read. `pack` writes it, `view` reads it in compiled code.
+A block is a record HEADER and the arrays that it leads to. `view` reads it in compiled code.
 """
 
 from __future__ import annotations
@@ -22,29 +19,38 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba import carray
+from numba import carray, from_dtype
 
 from mjfish.errors import InputError, MjfishError
-from mjfish.fish.outline import outline
+from mjfish.fish.outline import LinkOutline, outline
 from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
 from mjfish.mujoco.blunt_link import BluntLink
-from mjfish.mujoco.layout import counts, floats, plane_links, spatial_links
+from mjfish.mujoco.layout import counts, floats, pointer_to
 from mjfish.mujoco.links import Link
-from mjfish.mujoco.memory import room_in
+from mjfish.mujoco.memory import Room, room_in
 from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.numerics.compiled import compiled
 
-#: Number of links, carriers and trees; 1 for the coupling "inertia"; 1 where userdata holds the servo commands; number
-#: of bodies, dofs, actuators and activations of the model, by which a tag on another model is seen; number of loads;
-#: 1 where one of them reads the place of its link; then `mjfish.mujoco.memory.Room`.
-HEADER = 14
+#: Arrays of a block.
+_ARRAYS = ("carriers", "trees", "links", "addresses", "rows", "planes")
+#: 1 for the coupling "inertia", 0 for "xfrc"; 1 where userdata holds the servo commands; number of bodies, dofs,
+#: actuators and activations of the model, by which a tag on another model is seen; 1 where a load reads the place of
+#: its link; `mjfish.mujoco.memory.Room`; address and length of every array.
+HEADER = np.dtype(
+    [
+        (name, "i8")
+        for name in (
+            "inertia", "commanded", "bodies", "dofs", "actuators", "activations", "placed",
+            *Room._fields, *(f"{name}_at" for name in _ARRAYS), *_ARRAYS,
+        )
+    ]
+)  # fmt: skip
 #: Id of the body, row of its parent or -1, first dof, number of dofs.
 CARRIER = 4
 #: First dof, number of dofs.
 TREE = 2
-_SPATIAL_SIZE = SPATIAL.itemsize
 
 #: First number of a tag: no contact parameter that anybody uses.
 MAGIC = 7267091.0
@@ -60,26 +66,61 @@ _free = list(range(_ROWS - 1, 0, -1))
 
 
 class Block:
-    """The numbers of one model's water, at an address that stays; its row of the table is freed with it."""
+    """The water of one model, at an address that stays; its row of the table is freed with it.
 
-    def __init__(self, numbers: FloatArray, loads: Sequence[Load] = ()) -> None:
-        """Give the numbers a row.
+    Attributes:
+        header: (1,) of `HEADER`.
+        carriers: (c, CARRIER), all bodies of the trees that water acts on, parents first.
+        trees: (t, TREE), those trees.
+        links: (n,) of `SPATIAL`.
+        loads: k of them.
+        planes: (n,) of `LINK`, for loads to read; none without loads.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        links: Sequence[Link],
+        density: float,
+        *,
+        inertia: bool,
+        commanded: bool,
+        loads: Sequence[tuple[Load, Sequence[float]]] = (),
+    ) -> None:
+        """Describe the water on `links` of `model`, every body of which must be in it, and give it a row.
 
         Args:
-            numbers: (k,) of float64; from now on the block's own.
-            loads: live as long as the block, whose numbers hold their addresses.
+            model: the model.
+            links: the links.
+            density: of the water [kg/m3].
+            inertia: whether the coupling is "inertia", else "xfrc" (`mjfish.mujoco.coupling`).
+            commanded: whether userdata holds the servo commands of each step.
+            loads: extra forces on every link, with their parameters; they live as long as the block.
 
         Raises:
             MjfishError: the table is full.
         """
-        self.numbers = numbers
-        self._loads = tuple(loads)
+        bodies = [model.body(link.body).id for link in links]
+        self.carriers, self.trees = carriers(model, bodies)
+        self.links = records(links, density)
+        self.links["body"] = bodies
+        self.links["carrier"] = np.searchsorted(self.carriers[:, 0], bodies)
+        self.loads = load_rows(loads, len(links))
+        strips = [link for link in links if isinstance(link, StripLink)] if loads else []
+        self.planes = plane_records(model, strips, density)
+        self._called = loads
+        placed = any(load.placed for load, _ in loads)
+        arrays = (self.carriers, self.trees, self.links, *self.loads, self.planes)
+        sizes = (model.nbody, model.nv, model.nu, model.na)
+        room = room_in(model, memory_of(loads, len(links)))
+        addresses = (array.ctypes.data for array in arrays)
+        self.header = np.array([(inertia, commanded, *sizes, placed, *room, *addresses, *map(len, arrays))], HEADER)
         with _lock:
             if not _free:
                 raise MjfishError(f"{_ROWS} models with water live at once; drop some of them")
             self._row = _free.pop()
         TABLE[self._row, 1] += np.uint64(1)
-        TABLE[self._row, 0] = numbers.ctypes.data
+        TABLE[self._row, 0] = self.header.ctypes.data
         _living[self._row] = self
         weakref.finalize(self, _release, self._row)
 
@@ -88,6 +129,12 @@ class Block:
         model.opt.o_solimp[:] = (MAGIC, TOKEN, self._row, float(TABLE[self._row, 1]), 0.0)
         _of_model[model] = self
 
+    def set_coefficients(self, links: Sequence[Link]) -> None:
+        """Write the coefficients of `links`; all else of them must be as it was."""
+        _fill_coefficients(self.links, links)
+        if len(self.planes):
+            _fill_coefficients(self.planes, links)
+
 
 #: The block each living model was last tagged with.
 _of_model: weakref.WeakKeyDictionary[mujoco.MjModel, Block] = weakref.WeakKeyDictionary()
@@ -95,8 +142,8 @@ _of_model: weakref.WeakKeyDictionary[mujoco.MjModel, Block] = weakref.WeakKeyDic
 _living: weakref.WeakValueDictionary[int, Block] = weakref.WeakValueDictionary()
 
 
-def numbers_of(model: mujoco.MjModel) -> FloatArray:
-    """Return the numbers of the water that a model is tagged with.
+def block_of(model: mujoco.MjModel) -> Block:
+    """Return the water that a model is tagged with.
 
     Raises:
         InputError: there is none, or none any more.
@@ -110,48 +157,13 @@ def numbers_of(model: mujoco.MjModel) -> FloatArray:
             "the StripFluid of this model is gone; keep it as long as copies of its model run, or call "
             "StripFluid(model, links) on this one"
         )
-    return block.numbers
+    return block
 
 
 def _release(row: int) -> None:
     TABLE[row, 0] = 0
     with _lock:
         _free.append(row)
-
-
-def pack(
-    model: mujoco.MjModel,
-    links: Sequence[Link],
-    density: float,
-    *,
-    inertia: bool,
-    commanded: bool,
-    loads: Sequence[tuple[Load, Sequence[float]]] = (),
-) -> FloatArray:
-    """Return the numbers of the water on `links` of `model`; every body must be in it.
-
-    Args:
-        model: the model.
-        links: the links.
-        density: of the water [kg/m3].
-        inertia: whether the coupling is "inertia", else "xfrc" (`mjfish.mujoco.coupling`).
-        commanded: whether userdata holds the servo commands of each step.
-        loads: extra forces on every link, with their parameters.
-    """
-    bodies = [model.body(link.body).id for link in links]
-    rows, trees = carriers(model, bodies)
-    water = records(links, density)
-    water["body"] = bodies
-    water["carrier"] = np.searchsorted(rows[:, 0], bodies)
-    header = [len(links), len(rows), len(trees), float(inertia), float(commanded)]
-    header += [model.nbody, model.nv, model.nu, model.na, len(loads), float(any(load.placed for load, _ in loads))]
-    header += room_in(model, memory_of(loads, len(links)))
-    parts: list[FloatArray] = [np.array(header), rows.ravel(), trees.ravel(), water.view(np.float64).ravel()]
-    if loads:
-        table = load_rows(loads, len(links))
-        seen = plane_records(model, [link for link in links if isinstance(link, StripLink)], density)
-        parts += [table.addresses.view(np.float64), table.rows.ravel(), seen.view(np.float64).ravel()]
-    return np.concatenate(parts)
 
 
 def records(links: Sequence[Link], density: float) -> RecordArray:
@@ -174,12 +186,22 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
                 record[field] = getattr(integrals, field)
         record["length"] = link.length
         record["turn"] = link.frame.ravel()
+        record["matrix"] = _matrix(integrals).ravel()
         if link.volume is not None:
             record["volume"] = link.volume
         middle = np.array(link.origin) + integrals.centroid * link.frame[0]
         record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
     _fill_coefficients(filled, links)
     return filled
+
+
+def _matrix(integrals: LinkOutline) -> FloatArray:
+    """Return the added mass (6, 6) of strips about their origin, for c_m = 1, as `added_momentum` has it."""
+    y, z = integrals.added, integrals.added_width
+    matrix = np.diag([0.0, y[0], z[0], integrals.added_roll, z[2], y[2]])
+    matrix[1, 5] = matrix[5, 1] = y[1]
+    matrix[2, 4] = matrix[4, 2] = -z[1]
+    return matrix
 
 
 def _fill_coefficients(filled: RecordArray, links: Sequence[Link]) -> None:
@@ -216,7 +238,7 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
         record["mass"] = body.mass[0]
         record["com"] = link.frame[0] @ (body.ipos - np.array(link.origin))
         record["inertia"] = (link.frame[2] @ turn.reshape(3, 3)) ** 2 @ body.inertia
-    filled[0]["first"] = filled[-1]["last"] = 1.0
+    filled["first"][:1] = filled["last"][-1:] = 1.0
     return filled
 
 
@@ -237,86 +259,35 @@ def carriers(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[FloatArray, 
     return np.array(rows, dtype=np.float64), np.array(trees, dtype=np.float64).reshape(-1, TREE)
 
 
-def unpack(numbers: FloatArray) -> RecordArray:
-    """Return the `SPATIAL` records in the numbers of a model's water, a view."""
-    n, c, t = (int(count) for count in numbers[:3])
-    start = HEADER + CARRIER * c + TREE * t
-    return numbers[start : start + n * _SPATIAL_SIZE // 8].view(SPATIAL)
-
-
-def replace_coefficients(numbers: FloatArray, links: Sequence[Link]) -> None:
-    """Write the coefficients of `links` into the numbers of a model's water; all else of them must be as it was."""
-    _fill_coefficients(unpack(numbers), links)
-    seen = loads_in(numbers)[1]
-    if len(seen):
-        _fill_coefficients(seen, links)
-
-
-def loads_in(numbers: FloatArray) -> tuple[LoadTable, RecordArray]:
-    """Return the loads, and `LINK` records, none without loads."""
-    n, c, t = (int(count) for count in numbers[:3])
-    k = int(numbers[9])
-    rest = numbers[HEADER + CARRIER * c + TREE * t + n * _SPATIAL_SIZE // 8 :]
-    rows = rest[k : k + k * ROW].reshape(k, ROW)
-    return LoadTable(rest[:k].view(np.uint64), rows), rest[k + k * ROW :].view(LINK)
-
-
 class Water(NamedTuple):
     """What compiled code reads of a block: views of its memory.
 
     Attributes:
-        inertia: whether the coupling is "inertia", else "xfrc".
-        commanded: whether userdata holds the servo commands.
-        bodies, dofs, actuators, activations: of the model that the block was made for.
-        carriers: (c, CARRIER).
-        trees: (t, TREE).
-        links: (n,) of `SPATIAL`.
-        loads: k of them.
-        placed: whether one of them reads the place of its link.
-        states, control, activation: of `mjfish.mujoco.memory.Room`.
-        planes: (n,) of `LINK`; meaningless where k is 0.
+        head: (1,) of `HEADER`.
+        carriers, trees, links, loads, planes: as in `Block`.
     """
 
-    inertia: Any
-    commanded: Any
-    bodies: Any
-    dofs: Any
-    actuators: Any
-    activations: Any
+    head: Any
     carriers: Any
     trees: Any
     links: Any
     loads: LoadTable
-    placed: Any
-    states: Any
-    control: Any
-    activation: Any
     planes: Any
+
+
+_header_at, _spatial_at, _plane_at = (pointer_to(from_dtype(kind)) for kind in (HEADER, SPATIAL, LINK))
 
 
 @compiled
 def view(address: int) -> Water:
     """Return the views of the block at an address."""
-    header = carray(floats(address), HEADER)
-    n, c, t, k = int(header[0]), int(header[1]), int(header[2]), int(header[9])
-    at_trees = address + 8 * (HEADER + CARRIER * c)
-    at_links = at_trees + 8 * TREE * t
-    at_loads = at_links + _SPATIAL_SIZE * n
-    at_rows = at_loads + 8 * k
+    header = carray(_header_at(address), 1)
+    head = header[0]
     return Water(
-        header[3] > 0.0,
-        header[4] > 0.0,
-        int(header[5]),
-        int(header[6]),
-        int(header[7]),
-        int(header[8]),
-        carray(floats(address + 8 * HEADER), (c, CARRIER)),
-        carray(floats(at_trees), (t, TREE)),
-        carray(spatial_links(at_links), n),
-        LoadTable(carray(counts(at_loads), k), carray(floats(at_rows), (k, ROW))),
-        header[10] > 0.0,
-        int(header[11]),
-        int(header[12]),
-        int(header[13]),
-        carray(plane_links(at_rows + 8 * ROW * k), n),
+        header,
+        carray(floats(head.carriers_at), (head.carriers, CARRIER)),
+        carray(floats(head.trees_at), (head.trees, TREE)),
+        carray(_spatial_at(head.links_at), head.links),
+        LoadTable(carray(counts(head.addresses_at), head.addresses), carray(floats(head.rows_at), (head.rows, ROW))),
+        carray(_plane_at(head.planes_at), head.planes),
     )

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from mjfish.files import tomlfile
-from mjfish.files.tomlfile import Table
 from mjfish.fish import NotNegative
 from mjfish.hydro.blunt_force import ellipsoid_added_mass, ellipsoid_turning
-from mjfish.mujoco.strip_link import COEFFICIENTS, LARGEST, Point, Size, check_bounds, point, without_arrays
+from mjfish.mujoco.strip_link import COEFFICIENTS, LARGEST, Described, Point, Size, point, without_arrays
 from mjfish.numerics.arrays import FloatArray
 
 _SYMMETRIC = 1e-9  # of the largest entry
@@ -45,7 +43,7 @@ Semiaxes = Annotated[tuple[Size, Size, Size], BeforeValidator(point)]
 Amounts = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(point)]
 
 
-class BluntLink(Table):
+class BluntLink(Described):
     """A body in water that strips do not describe: a hull, a float, a sphere.
 
     The force is that of `mjfish.hydro.blunt_force`, in the axes of the body. Either it is an ellipsoid along these
@@ -74,7 +72,6 @@ class BluntLink(Table):
         [14.08, 47.2, 47.2, 0.0, 0.64, 0.64]
     """
 
-    body: str = Field(min_length=1)
     semiaxes: Semiaxes | None = None
     added_mass: Matrix | None = None
     area: Amounts | None = None
@@ -85,12 +82,6 @@ class BluntLink(Table):
     c_m: float = COEFFICIENTS["c_m"].default
     c_d: float = COEFFICIENTS["c_d"].default
     munk_moment: float = 1.0
-
-    def __init__(self, **keys: Any) -> None:
-        with tomlfile.complaining(f"link '{keys.get('body', '')}'"):
-            self.__pydantic_validator__.validate_python(tomlfile.frozen(keys), self_instance=self, strict=True)
-
-    _bounded = field_validator("c_m", "c_d", "munk_moment")(check_bounds)
 
     @model_validator(mode="after")
     def _described(self) -> BluntLink:

@@ -53,6 +53,18 @@ def _command(model: Any, data: Any) -> None:
         ctrl[k] = user[1 + stage * servos + k]
 
 
+@compiled
+def _fits(model: Any, data: Any, head: Any) -> bool:
+    """Return whether the water is that of this model, and its coupling right in the state that it is in."""
+    return (  # type: ignore[no-any-return]
+        head.bodies == model.nbody
+        and head.dofs == model.nv
+        and head.actuators == model.nu
+        and head.activations == model.na
+        and (head.inertia or (data.nefc == 0 and model.integrator <= _RK4))
+    )
+
+
 def _act(model_pointer: Any, data_pointer: Any) -> None:
     """Let the water act on one model, where it has any; what cannot be right is spoilt, so that it is seen."""
     model = carray(model_pointer, 1)[0]
@@ -60,33 +72,15 @@ def _act(model_pointer: Any, data_pointer: Any) -> None:
     tagged, address = find(model)
     if not tagged:
         return
-    if address == 0:
-        _spoil(model, data)
+    if address == 0 or not _fits(model, data, view(address).head[0]):
+        carray(floats(data.qfrc_passive), model.nv)[:] = np.nan  # then accelerations are none: MuJoCo warns of them
         return
     water = view(address)
-    if (
-        water.bodies != model.nbody
-        or water.dofs != model.nv
-        or water.actuators != model.nu
-        or water.activations != model.na
-    ):
-        _spoil(model, data)
-        return
-    if water.commanded:
+    if water.head[0].commanded:
         _command(model, data)
-    if not water.inertia and (data.nefc > 0 or model.integrator > _RK4):
-        _spoil(model, data)
-        return
-    address = np.int64(carray(data_pointer, 1).ctypes.data)
-    note = note_of(_notes(), address, data, water)
+    note = note_of(_notes(), np.int64(carray(data_pointer, 1).ctypes.data), data, water)
     couple(model, data, water, model_pointer, data_pointer)
     copy_written(note, data, water)
-
-
-@compiled
-def _spoil(model: Any, data: Any) -> None:
-    """Make the accelerations no numbers: MuJoCo then warns of them."""
-    carray(floats(data.qfrc_passive), model.nv)[:] = np.nan
 
 
 @functools.cache

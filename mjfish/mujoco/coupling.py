@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numba import carray
 
-from mjfish.mujoco.layout import factor_inertia, floats, fwd_actuation, integers, make_inertia
+from mjfish.mujoco.layout import cholesky, cholesky_solve, factor_inertia, floats, fwd_actuation, integers, make_inertia
 from mjfish.mujoco.link_force import (
     FRAME,
     Six,
@@ -56,9 +56,11 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
     c = carriers.shape[0]
     n = water.links.shape[0]
     frame = np.empty((n, FRAME))
-    wrench = np.empty((n, 6))  # f - A b of each link, in its strips' frame
-    pushed = np.zeros((n, 6))  # by loads
-    rates = carray(floats(data.ctrl + 8 * water.control), water.states)  # of hidden states: see mjfish.mujoco.memory
+    force = np.empty((n, 6))  # f of each link, in its strips' frame
+    wrench = np.empty((n, 6))  # f - A b
+    rates = carray(
+        floats(data.ctrl + 8 * water.head[0].control), water.head[0].states
+    )  # of hidden states: see mjfish.mujoco.memory
     scratch = load_scratch(data, water, rates)
     spatial = np.empty(6)
     acceleration = np.empty((c, 6))
@@ -68,10 +70,10 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         link = water.links[i]
         carrier = int(link.carrier)
         fill_frame(model, data, link, frame[i])
-        fill_non_inertial(model, data, link, frame[i], wrench[i])
+        fill_non_inertial(model, data, link, frame[i], force[i])
         if water.loads.addresses.shape[0] > 0:
-            add_loads(model, data, water, i, frame[i], scratch, pushed[i])
-            wrench[i] += pushed[i]
+            add_loads(model, data, water, i, frame[i], scratch, force[i])
+        wrench[i] = force[i]
         take_inertial(model, data, link, frame[i], acceleration[carrier], wrench[i])
         add_added_inertia(link, frame[i], composite[carrier])
     for row in range(c - 1, -1, -1):
@@ -79,7 +81,7 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         if parent >= 0:
             for k in range(36):
                 composite[parent, k] += composite[row, k]
-    if water.inertia:
+    if water.head[0].inertia:
         make_inertia(model_pointer, data_pointer)
         _inject(model, data, carriers, composite)
         factor_inertia(model_pointer, data_pointer)
@@ -93,9 +95,7 @@ def couple(model: Any, data: Any, water: Any, model_pointer: Any, data_pointer: 
         fill_accelerations(data, carriers, rate, acceleration)
         for i in range(n):
             link = water.links[i]
-            fill_non_inertial(model, data, link, frame[i], wrench[i])
-            for k in range(6):
-                wrench[i, k] += pushed[i, k]
+            wrench[i] = force[i]
             take_inertial(model, data, link, frame[i], acceleration[int(link.carrier)], wrench[i])
     for i in range(n):
         carray(floats(data.xfrc_applied + 48 * int(water.links[i].body)), 6)[:] = 0.0
@@ -184,10 +184,7 @@ def _fill_force(model: Any, data: Any, water: Any, frame: FloatArray, wrench: Fl
 def _solve(
     model: Any, data: Any, first: int, end: int, carriers: FloatArray, composite: FloatArray, force: FloatArray
 ) -> None:
-    """Solve (M + sum J^T A J) a = force in place for the dofs of one tree, by L^T D L along its branches.
-
-    See R. Featherstone, Rigid Body Dynamics Algorithms (2008), sec. 6.5.
-    """
+    """Solve (M + sum J^T A J) a = force in place for the dofs of one tree; their inertia is below the diagonal."""
     n = end - first
     above = carray(integers(model.dof_parentid), model.nv)
     counts = carray(integers(model.M_rownnz), model.nv)
@@ -208,24 +205,6 @@ def _solve(
             while column >= 0:
                 matrix[dof - first, column - first] += _component(data, column, momentum)
                 column = above[column]
-    for k in range(end - 1, first - 1, -1):
-        i = above[k]
-        while i >= 0:
-            factor = matrix[k - first, i - first] / matrix[k - first, k - first]
-            j = i
-            while j >= 0:
-                matrix[i - first, j - first] -= factor * matrix[k - first, j - first]
-                j = above[j]
-            matrix[k - first, i - first] = factor
-            i = above[i]
-    for i in range(end - 1, first - 1, -1):
-        j = above[i]
-        while j >= 0:
-            force[j] -= matrix[i - first, j - first] * force[i]
-            j = above[j]
-    for i in range(first, end):
-        force[i] /= matrix[i - first, i - first]
-        j = above[i]
-        while j >= 0:
-            force[i] -= matrix[i - first, j - first] * force[j]
-            j = above[j]
+    solved = force[first:end]
+    cholesky(floats(matrix.ctypes.data), n, 0.0)
+    cholesky_solve(floats(solved.ctypes.data), floats(matrix.ctypes.data), floats(solved.ctypes.data), n)

@@ -19,7 +19,7 @@ from mjfish.errors import InputError, UnknownNameError
 from mjfish.errors.arguments import check as check_type
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics
-from mjfish.mujoco.block import MAGIC, Block, numbers_of, pack, replace_coefficients, view
+from mjfish.mujoco.block import MAGIC, Block, block_of, view
 from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.checked import Checked
 from mjfish.mujoco.coupling_choice import Coupling, choose
@@ -174,8 +174,7 @@ class StripFluid:
         _set_current(model, current)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         inertia = self.coupling == "inertia"
-        numbers = pack(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
-        self._block: Block = Block(numbers, [load for load, _ in loads])
+        self._block: Block = Block(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
         self._block.tag(model)
 
         def check() -> None:
@@ -235,7 +234,7 @@ class StripFluid:
                 "opt.o_solimp: found another value than the tag of the water; put a new StripFluid on the model, and "
                 "leave it alone"
             )
-        if numbers_of(self.model) is not self._block.numbers:
+        if block_of(self.model) is not self._block:
             raise InputError(
                 "another StripFluid has taken the place of this one on the model; use that one, with the links of both"
             )
@@ -267,7 +266,7 @@ class StripFluid:
         """
         self._still_there()
         links = with_coefficients(self.links, coefficients)
-        replace_coefficients(self._block.numbers, links)
+        self._block.set_coefficients(links)
         self.links = links
 
     def wrenches(self, data: mujoco.MjData) -> dict[str, FloatArray]:
@@ -285,7 +284,7 @@ class StripFluid:
         self._still_there()
         verify()
         parts = np.zeros((len(PARTS), len(self.links), 6))
-        _fill_parts(self.model._address, data._address, self._block.numbers.ctypes.data, parts)
+        _fill_parts(self.model._address, data._address, self._block.header.ctypes.data, parts)
         named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
         return {**named, "total": readonly(parts.sum(axis=0))}
 
@@ -315,7 +314,7 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
     acceleration = np.empty((water.carriers.shape[0], 6))
     fill_accelerations(data, water.carriers, carray(floats(data.qacc), model.nv), acceleration)
     frame = np.empty(FRAME)
-    scratch = load_scratch(data, water, np.empty(water.states))
+    scratch = load_scratch(data, water, np.empty(water.head[0].states))
     spatial = np.empty(6)
     for i in range(water.links.shape[0]):
         link = water.links[i]
@@ -336,11 +335,12 @@ def _fill_parts(model_address: int, data_address: int, block_address: int, parts
 
 def _check_water(model: mujoco.MjModel) -> None:
     """Raise InputError where a model has no water, or not its own, or its force is wrong in it."""
-    numbers = numbers_of(model)
-    water = view(numbers.ctypes.data)
-    if (water.bodies, water.dofs, water.actuators, water.activations) != (model.nbody, model.nv, model.nu, model.na):
+    water = block_of(model)
+    head = water.header[0]
+    sizes = (head["bodies"], head["dofs"], head["actuators"], head["activations"])
+    if sizes != (model.nbody, model.nv, model.nu, model.na):
         raise InputError("opt.o_solimp is that of another model; call StripFluid(model, links) on this one")
-    choose(model, water.links["body"].astype(int).tolist(), "inertia" if water.inertia else "xfrc")
+    choose(model, water.links["body"].astype(int).tolist(), "inertia" if head["inertia"] else "xfrc")
 
 
 def _check_loads(loads: Sequence[tuple[Load, Sequence[float]]], links: Iterable[Link]) -> None:

@@ -22,7 +22,6 @@ from numba import from_dtype, types
 from numba.extending import intrinsic
 
 from mjfish.errors import MjfishError
-from mjfish.hydro.link import LINK, SPATIAL
 
 _C_TYPES: dict[str, Any] = {
     "int": ctypes.c_int,
@@ -127,17 +126,14 @@ def compile_aside(source: str | mujoco.MjSpec) -> mujoco.MjModel:
     One in C stays, for other threads that step meanwhile.
     """
     before = mujoco.get_mjcb_control()
-    if before is None or hasattr(before, "restype"):
-        return _compile(source)
-    mujoco.set_mjcb_control(None)
+    in_python = before is not None and not hasattr(before, "restype")
+    if in_python:
+        mujoco.set_mjcb_control(None)
     try:
-        return _compile(source)
+        return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
     finally:
-        mujoco.set_mjcb_control(before)
-
-
-def _compile(source: str | mujoco.MjSpec) -> mujoco.MjModel:
-    return source.compile() if isinstance(source, mujoco.MjSpec) else mujoco.MjModel.from_xml_string(source)
+        if in_python:
+            mujoco.set_mjcb_control(before)
 
 
 def _load_library() -> ctypes.CDLL:
@@ -163,9 +159,13 @@ def _function(name: str) -> Any:
 fwd_actuation = _function("mj_fwdActuation")
 make_inertia = _function("mj_makeM")
 factor_inertia = _function("mj_factorM")
+_NUMBERS = types.CPointer(types.float64)
+#: ``int mju_cholFactor(mjtNum* mat, int n, mjtNum mindiag)``, and ``void mju_cholSolve(res, mat, vec, n)``.
+cholesky = types.ExternalFunction("mju_cholFactor", types.int32(_NUMBERS, types.int32, types.float64))
+cholesky_solve = types.ExternalFunction("mju_cholSolve", types.void(_NUMBERS, _NUMBERS, _NUMBERS, types.int32))
 
 
-def _pointer_to(target: types.Type) -> Any:
+def pointer_to(target: types.Type) -> Any:
     """Return an intrinsic that turns an integer address into a pointer to `target`."""
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -181,11 +181,9 @@ def _pointer_to(target: types.Type) -> Any:
 
 
 #: Intrinsics: the pointer at an address.
-floats = _pointer_to(types.float64)
-integers = _pointer_to(types.int32)
-counts = _pointer_to(types.uint64)
-addresses = _pointer_to(types.int64)
-spatial_links = _pointer_to(from_dtype(SPATIAL))
-plane_links = _pointer_to(from_dtype(LINK))
-model_at = _pointer_to(MODEL)
-data_at = _pointer_to(DATA)
+floats = pointer_to(types.float64)
+integers = pointer_to(types.int32)
+counts = pointer_to(types.uint64)
+addresses = pointer_to(types.int64)
+model_at = pointer_to(MODEL)
+data_at = pointer_to(DATA)

@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 from numba import carray
 
-from mjfish.hydro.blunt_force import blunt_drag, blunt_momentum
+from mjfish.hydro.blunt_force import blunt_drag, momentum
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
-from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
+from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.layout import floats, integers
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import compiled, merged
@@ -141,7 +141,7 @@ def non_inertial(model: Any, data: Any, link: Any, frame: FloatArray) -> tuple[S
     (vx, vy, vz), (wx, wy, wz) = relative_velocity(model, data, link, frame)
     if link.blunt > 0.0:
         velocity, spin = (vx, vy, vz), (wx, wy, wz)
-        a, b, c, d, e, f = blunt_momentum(link, velocity, spin)
+        a, b, c, d, e, f = momentum(link, velocity, spin)
         push, turn, munk = cross((a, b, c), spin), cross((d, e, f), spin), cross((a, b, c), velocity)
         return (
             blunt_drag(link, velocity, spin),
@@ -184,9 +184,9 @@ class LoadScratch(NamedTuple):
 @compiled
 def load_scratch(data: Any, water: Any, rates: FloatArray) -> LoadScratch:
     """Return scratch for the loads on all links; the rates (states,) of their hidden states will be written."""
-    state = carray(floats(data.act + 8 * water.activation), water.states)
+    state = carray(floats(data.act + 8 * water.head[0].activation), water.head[0].states)
     seen = water.planes[: min(water.loads.addresses.shape[0], 1)].copy()  # without loads there are none
-    return LoadScratch(seen, np.empty(2 if water.placed else 0), LoadBuffers(np.empty(ANSWER), state, rates))
+    return LoadScratch(seen, np.empty(2 if water.head[0].placed else 0), LoadBuffers(np.empty(ANSWER), state, rates))
 
 
 @compiled
@@ -209,7 +209,7 @@ def add_loads(
     seen.u = velocity[0]
     seen.v = velocity[1]
     seen.w = spin[2]
-    if water.placed:
+    if water.head[0].placed:
         origin = plus(triple(frame, 9), tree_center(model, data, int(water.links[index].body)))
         seen.x = origin[0]
         seen.y = origin[1]
@@ -235,49 +235,17 @@ def take_inertial(
     rate, spin_rate = resolve(acceleration, frame)
     spin = rotated(frame, vector_at(data.cvel + 48 * int(link.body)))
     rate = plus(rate, cross(spin, rotated(frame, triple(model.wind, 0))))
-    if link.blunt > 0.0:
-        impulse = blunt_momentum(link, rate, spin_rate)
-        for k in range(6):
-            wrench[k] -= impulse[k]
-        return
-    momentum = added_momentum(link, rate[1], rate[2], spin_rate[0], spin_rate[1], spin_rate[2])
-    for k in range(5):  # there is none along the strips
-        wrench[1 + k] -= momentum[k]
+    impulse = momentum(link, rate, spin_rate)
+    for k in range(6):
+        wrench[k] -= impulse[k]
 
 
 @compiled
 def add_added_inertia(link: Any, frame: FloatArray, inertia: FloatArray) -> None:
-    """Add the added mass of a link to a spatial inertia (36,), about the tree's point.
+    """Add the added mass A of a link to a spatial inertia (36,), about the tree's point.
 
-    A strip at r moves across, along e, by (g + r g')^T of a spatial motion, g = (s x e; e), g' = (e_x x e; 0), s the
-    strips' origin: the inertia is the sum over both axes of A_0 g g^T + A_1 (g g'^T + g' g^T) + A_2 g' g'^T, and roll.
+    It is T^T A T, where T turns a spatial motion into the velocity of the link's origin.
     """
-    c = link.c_m
-    if link.blunt > 0.0:
-        _add_matrix(link, frame, inertia)
-        return
-    for axis in range(2):
-        moments = link.added if axis == 0 else link.added_width
-        e = triple(frame, 3 + 3 * axis)  # y across the height, z across the width
-        t = triple(frame, 6 - 3 * axis)  # e_x x e_y = e_z, e_x x e_z = -e_y
-        sign = 1.0 - 2.0 * axis
-        s = cross(triple(frame, 9), e)
-        g = (s[0], s[1], s[2], e[0], e[1], e[2])
-        d = (sign * t[0], sign * t[1], sign * t[2], 0.0, 0.0, 0.0)
-        a0, a1, a2 = c * moments[0], c * moments[1], c * moments[2]
-        for j in range(6):
-            p = a0 * g[j] + a1 * d[j]
-            q = a1 * g[j] + a2 * d[j]
-            for k in range(6):
-                inertia[6 * j + k] += p * g[k] + q * d[k]
-    for j in range(3):
-        for k in range(3):
-            inertia[6 * j + k] += c * link.added_roll * frame[j] * frame[k]
-
-
-@compiled
-def _add_matrix(link: Any, frame: FloatArray, inertia: FloatArray) -> None:
-    """Add the added mass of a blunt link, T^T A T: T turns a spatial motion into the velocity of the link's origin."""
     turn = np.zeros((6, 6))
     for axis in range(3):
         e = triple(frame, 3 * axis)

@@ -264,7 +264,10 @@ def _chain(fish: Fish, servo: Servo) -> mujoco.MjSpec:
         parent = _add_link(parent, link, outline, front)
         if index > 0:
             parent.add_joint(name=f"joint_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
-            _add_servo(built, index, servo)
+            driven = built.add_actuator(
+                name=f"servo_{index}", target=f"joint_{index}", trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            driven.set_to_position(kp=servo.kp, kv=servo.kv)
         front = link.length
     return built
 
@@ -289,11 +292,6 @@ def _add_link(parent: mujoco.MjsBody, link: Link, outline: LinkOutline, front: f
         rgba=_SKIN,
     )
     return body
-
-
-def _add_servo(built: mujoco.MjSpec, index: int, servo: Servo) -> None:
-    actuator = built.add_actuator(name=f"servo_{index}", target=f"joint_{index}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_position(kp=servo.kp, kv=servo.kv)
 
 
 def inertia(link: Link, outline: LinkOutline) -> FloatArray:

@@ -38,23 +38,6 @@ class Mesh:
     triangles: NDArray[np.uint32]
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A camera that looks at a point.
-
-    Attributes:
-        target: x, y, z [m].
-        distance: from it [m].
-        azimuth: direction in which it looks, from x to y [deg].
-        elevation: of that direction, negative downwards [deg].
-    """
-
-    target: tuple[float, float, float]
-    distance: float
-    azimuth: float
-    elevation: float
-
-
 @dataclass(frozen=True, eq=False)
 class Strokes:
     """Arrows, or pieces of a line, of one colour.
@@ -108,7 +91,15 @@ class Stage(AbstractContextManager["Stage"]):
         self._scene = mujoco.MjvScene(self._model, maxgeom=_ROOM)
 
     def picture(
-        self, place: FloatArray, turn: FloatArray, strokes: Sequence[Strokes], camera: Camera
+        self,
+        place: FloatArray,
+        turn: FloatArray,
+        strokes: Sequence[Strokes],
+        *,
+        target: FloatArray,
+        distance: float,
+        azimuth: float,
+        elevation: float,
     ) -> NDArray[np.uint8]:
         """Return a picture (height, width, 3).
 
@@ -116,14 +107,17 @@ class Stage(AbstractContextManager["Stage"]):
             place: (k, 3) of the bodies' frames [m].
             turn: (k, 4) quaternions x, y, z, w of them.
             strokes: arrows and lines.
-            camera: where it looks.
+            target: x, y, z (3,) of the point that the camera looks at [m].
+            distance: of the camera from it [m].
+            azimuth: direction in which the camera looks, from x to y [deg].
+            elevation: of that direction, negative downwards [deg].
         """
         self._data.mocap_pos[:], self._data.mocap_quat[:] = place, turn[:, [3, 0, 1, 2]]
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
         eye = mujoco.MjvCamera()
-        eye.lookat[:] = camera.target
-        eye.distance, eye.azimuth, eye.elevation = camera.distance, camera.azimuth, camera.elevation
+        eye.lookat[:] = target
+        eye.distance, eye.azimuth, eye.elevation = distance, azimuth, elevation
         shown, every = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(self._model, self._data, shown, None, eye, every, self._scene)
         for stroke in strokes:

@@ -65,21 +65,6 @@ class SimRollout:
         for name in ("time", "velocity", "pose", "attitude", "joint_angle", "joint_rate", "joint_acceleration"):
             object.__setattr__(self, name, readonly(getattr(self, name)))
 
-    @property
-    def roll(self) -> FloatArray:
-        """Roll (n,) of the head [rad], positive with the port side up."""
-        return self.attitude[:, 0]
-
-    @property
-    def pitch(self) -> FloatArray:
-        """Pitch (n,) of the head [rad], positive with the nose down."""
-        return self.attitude[:, 1]
-
-    @property
-    def heave(self) -> FloatArray:
-        """Height (n,) of the nose over its start [m]."""
-        return self.attitude[:, 2]
-
     def motion(self) -> JointMotion:
         """Return the realised joint motion on the half-step grid.
 
@@ -188,31 +173,24 @@ def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tupl
     history = tuple(np.empty((len(widths) + 1, size)) for size in (model.nq, model.nv, model.nv))
     advance = _ADVANCE[mujoco.mjtIntegrator(model.opt.integrator)]
     with fluid.installed():
-        for step, width in enumerate(widths):
-            model.opt.timestep = width
-            data.userdata[0] = data.time
-            data.userdata[1:] = asked[step]
+        for step in range(len(widths) + 1):
+            if step < len(widths):
+                model.opt.timestep = widths[step]
+                data.userdata[0] = data.time
+                data.userdata[1:] = asked[step]
             # The two halves of mj_step: between them, the accelerations are those at the start of the step.
             mujoco.mj_forward(model, data)
-            _record(history, step, data)
-            if not _swims(data.qvel):
+            for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):
+                rows[step] = now
+            if step == len(widths) or not _swims(data.qvel):
                 break
             advance(model, data)
-        else:
-            step = len(widths)
-            mujoco.mj_forward(model, data)
-            _record(history, step, data)
     position, speed, acceleration = (rows[: step + 1] for rows in history)
     return position, speed, acceleration
 
 
 def _swims(speed: FloatArray) -> bool:
     return bool(np.abs(speed).max() < DIVERGED)  # false for NaN
-
-
-def _record(history: tuple[FloatArray, ...], step: int, data: mujoco.MjData) -> None:
-    for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):
-        rows[step] = now
 
 
 def euler_angles(quaternion: FloatArray) -> FloatArray:

@@ -77,7 +77,23 @@ def check_bounds(value: float, info: Any) -> float:
     return value
 
 
-class StripLink(Table):
+class Described(Table):
+    """A body in water by its keys.
+
+    Attributes:
+        body: name of the body in the MuJoCo model.
+    """
+
+    body: str = Field(min_length=1)
+
+    def __init__(self, **keys: Any) -> None:
+        with tomlfile.complaining(f"link '{keys.get('body', '')}'"):
+            self.__pydantic_validator__.validate_python(tomlfile.frozen(keys), self_instance=self, strict=True)
+
+    _bounded = field_validator(*COEFFICIENTS, check_fields=False)(check_bounds)
+
+
+class StripLink(Described):
     """A body with strips of water on it; its sections are ellipses of a height and a width.
 
     On a strip of height h and width w that moves at q across the link act, per length [N/m], the inertial force
@@ -116,7 +132,6 @@ class StripLink(Table):
         (0.05, 0.12)
     """
 
-    body: str = Field(min_length=1)
     length: Size
     station: Stations = ()
     height: Extent = ()
@@ -135,12 +150,6 @@ class StripLink(Table):
     kc_power: Annotated[float, Field(ge=-1.0, le=1.5)] = 1.0 / 3.0
     volume: Annotated[NotNegative, Field(le=LARGEST**3)] | None = None
     buoyancy_center: Point | None = None
-
-    def __init__(self, **keys: Any) -> None:
-        with tomlfile.complaining(f"link '{keys.get('body', '')}'"):
-            self.__pydantic_validator__.validate_python(tomlfile.frozen(keys), self_instance=self, strict=True)
-
-    _bounded = field_validator(*COEFFICIENTS)(check_bounds)
 
     @model_validator(mode="after")
     def _outlined(self) -> StripLink:

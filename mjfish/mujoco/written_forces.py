@@ -69,11 +69,11 @@ def note_of(table_address: int, address: Any, data: Any, water: Any) -> int:
     table = carray(addresses(table_address), (_SLOTS, 2))
     row = _row(table, address)
     if row < 0:
-        _take_note(address, water.bodies, water.control, water.states)
+        _take_note(address, water.head[0].bodies, water.head[0].control, water.head[0].states)
         row = _row(table, address)
         if row >= 0:
-            written = carray(floats(table[row, 1]), (water.bodies, _NOTE))
-            written[:, 7:] = carray(floats(data.xfrc_applied), (water.bodies, 6))
+            written = carray(floats(table[row, 1]), (water.head[0].bodies, _NOTE))
+            written[:, 7:] = carray(floats(data.xfrc_applied), (water.head[0].bodies, 6))
     return table[row, 1] if row >= 0 else 0
 
 
@@ -82,13 +82,11 @@ def copy_written(note: int, data: Any, water: Any) -> None:
     """Copy what the water wrote on its bodies into the note at an address."""
     if note == 0:
         return
-    written = carray(floats(note), (water.bodies, _NOTE))
+    written = carray(floats(note), (water.head[0].bodies, _NOTE))
     for i in range(water.links.shape[0]):
         body = int(water.links[i].body)
-        applied = carray(floats(data.xfrc_applied + 48 * body), 6)
         written[body, 0] = 1.0
-        for k in range(6):
-            written[body, 1 + k] = applied[k]
+        written[body, 1:7] = carray(floats(data.xfrc_applied + 48 * body), 6)
 
 
 def _note(address: int, bodies: int, control: int, states: int) -> None:
@@ -182,15 +180,9 @@ def take_out() -> int:
 def _take_out(address: int, written: FloatArray, control: int, states: int) -> None:
     """Take what the water wrote out of one mjData."""
     data = carray(data_at(address), 1)[0]
-    for k in range(states):
-        carray(floats(data.ctrl + 8 * (control + k)), 1)[0] = 0.0
+    carray(floats(data.ctrl + 8 * control), states)[:] = 0.0
+    applied = carray(floats(data.xfrc_applied), (written.shape[0], 6))
     for body in range(written.shape[0]):
-        note = written[body]
-        applied = carray(floats(data.xfrc_applied + 48 * body), 6)
-        untouched = note[0] > 0.0
-        for k in range(6):
-            if not (applied[k] == note[1 + k] or (np.isnan(applied[k]) and np.isnan(note[1 + k]))):
-                untouched = False
-        if untouched:
-            for k in range(6):
-                applied[k] = note[7 + k]
+        now, last = applied[body], written[body, 1:7]
+        if written[body, 0] > 0.0 and np.all((now == last) | (np.isnan(now) & np.isnan(last))):
+            now[:] = written[body, 7:]

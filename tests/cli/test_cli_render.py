@@ -13,7 +13,6 @@ from diagnosed import diagnosis
 from gl import skip_without_gl
 
 from mjfish.reporting.film import files
-from mjfish.reporting.film.shot import Size
 
 
 @pytest.fixture
@@ -21,7 +20,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw few and small pictures."""
     skip_without_gl()
     for suffix in files.SUFFIXES:
-        monkeypatch.setitem(files._SIZES, suffix, Size(320, 180))
+        monkeypatch.setitem(files._SIZES, suffix, (320, 180))
     monkeypatch.setitem(files._RATES, ".gif", 2.0)
 
 

@@ -173,27 +173,27 @@ def test_a_run_shorter_than_one_sample_is_logged(tmp_path: Path, pike: Fish) -> 
 
 
 def test_a_log_is_written_whole_or_not_at_all(tmp_path: Path, pike: Fish, monkeypatch: pytest.MonkeyPatch) -> None:
-    swim = Swim("simulated", np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
+    swim = Swim("simulated", np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 4)))
     path = tmp_path / "fish.rrd"
     path.write_text("the log from before")
     monkeypatch.setattr(rr, "LineStrips3D", None)
     with pytest.raises(TypeError):
-        write_runs(path, [Run("a", pike, (swim,))])
+        write_runs(path, [Run("a", pike, (swim,))], name="pool", about="")
     assert path.read_text() == "the log from before"
     monkeypatch.undo()
-    write_runs(path, [Run("a", pike, (swim,))])
+    write_runs(path, [Run("a", pike, (swim,))], name="pool", about="")
     assert [p.name for p in tmp_path.iterdir()] == ["fish.rrd"]
-    assert "/a/world/simulated/nose" in entities(path)
+    assert "/a/world/simulated/link_4" in entities(path)
 
 
 def test_a_log_that_cannot_be_written_is_refused_by_name(tmp_path: Path, pike: Fish) -> None:
-    swim = Swim("simulated", np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)))
+    swim = Swim("simulated", np.arange(3.0), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 4)))
     with pytest.raises(InputError, match=r"absent/fish\.rrd: cannot be written"):
-        write_runs(tmp_path / "absent" / "fish.rrd", [Run("a", pike, (swim,))])
+        write_runs(tmp_path / "absent" / "fish.rrd", [Run("a", pike, (swim,))], name="pool", about="")
     with pytest.raises(InputError, match="names of their own"):
-        write_runs(tmp_path / "fish.rrd", [Run("a", pike, (swim,)), Run("a", pike, (swim,))])
+        write_runs(tmp_path / "fish.rrd", [Run("a", pike, (swim,)), Run("a", pike, (swim,))], name="pool", about="")
     with pytest.raises(InputError, match="needs runs"):
-        write_runs(tmp_path / "fish.rrd", [])
+        write_runs(tmp_path / "fish.rrd", [], name="pool", about="")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -107,15 +107,5 @@ def test_the_floor_lies_below_everything_that_swims(pike: Fish) -> None:
     assert np.all(ends[..., 2] < -max(max(section.height) for section in pike.sections) / 2.0)
 
 
-def test_the_camera_follows_the_best_simulated_body(pike: Fish) -> None:
-    swim = _swim(pike, 1.0)
-    measured = Swim("measured", swim.time, swim.velocity, swim.pose)
-    nominal = Swim("nominal", swim.time, swim.velocity, swim.pose, swim.joint_angle)
-    extended = Swim("extended", swim.time, swim.velocity, swim.pose, swim.joint_angle)
-    assert Run("a", pike, (measured, nominal, extended)).followed() is extended
-    assert Run("a", pike, (measured, nominal)).followed() is nominal
-    assert Run("a", pike, (measured,)).followed() is measured
-
-
 def test_arrows_without_any_force_have_a_scale_all_the_same(pike: Fish) -> None:
     assert arrow_scale([Run("a", pike, (_swim(pike, 1.0),))]) == 1.0

@@ -148,14 +148,19 @@ def test_blocks_that_overlap_in_two_threads_keep_the_water_until_the_last_ends()
     assert mujoco.get_mjcb_control() is None
 
 
-def test_compiling_in_one_thread_leaves_the_water_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiling_in_one_thread_leaves_the_water_of_another() -> None:
     """Catches a callback that is taken away while a model compiles: the other thread would step without water."""
     seen: list[Any] = []
+
+    class Watched(mujoco.MjSpec):
+        def compile(self) -> mujoco.MjModel:
+            seen.append(mujoco.get_mjcb_control())
+            return super().compile()
+
     fluid = tree()
     with fluid.installed():
         ours = mujoco.get_mjcb_control()
-        monkeypatch.setattr(layout, "_compile", lambda _source: seen.append(mujoco.get_mjcb_control()))
-        layout.compile_aside("<mujoco/>")
+        layout.compile_aside(Watched())
         assert seen == [ours]
         assert mujoco.get_mjcb_control() is ours
 

@@ -95,11 +95,11 @@ def test_the_next_step_of_a_block_has_them() -> None:
 )
 def test_what_cannot_be_set_is_refused_and_nothing_set(coefficients: dict[str, Any], message: str) -> None:
     fluid = tree(kc=1.0)
-    links, numbers = fluid.links, fluid._block.numbers.copy()
+    links, numbers = fluid.links, fluid._block.links.copy()
     with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
         fluid.set(c_f=0.5, **coefficients)
     assert fluid.links is links
-    np.testing.assert_array_equal(fluid._block.numbers, numbers)
+    np.testing.assert_array_equal(fluid._block.links, numbers)
 
 
 def test_an_unknown_coefficient_lists_those_there_are() -> None:

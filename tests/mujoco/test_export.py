@@ -14,7 +14,7 @@ from mjfish import fish as fishes
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.mujoco import StripFluid, Trim, export, mjcf
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 
 TRIMS = [None, Trim(), Trim(arm=0.0053, drop=0.0017, roll_damping=0.7)]
 #: What only geoms, there for looks, decide; and userdata, where commands of mjfish's own rollouts stand.
@@ -62,8 +62,8 @@ def test_water_and_bodies_are_those_of_the_swimmer_to_the_last_bit(fish: Fish, t
     made, read = _swimmer(fish, trim), _written(fish, trim)
     assert read.links == made.links
     assert (read.density, read.coupling) == (made.density, made.coupling)
-    for field in unpack(numbers_of(made.model)).dtype.names or ():
-        found, expected = (unpack(numbers_of(one.model))[field] for one in (read, made))
+    for field in block_of(made.model).links.dtype.names or ():
+        found, expected = (block_of(one.model).links[field] for one in (read, made))
         np.testing.assert_array_equal(found, expected, err_msg=field)
     for name in dir(made.model):
         if name.partition("_")[0] in ("body", "jnt", "dof", "actuator") and "_" in name and name not in _LOOKS:

@@ -119,9 +119,9 @@ def test_place_and_memory_act_as_in_the_readable_ones(coupling: Coupling, seed: 
 
 
 def _records(fluid: StripFluid) -> Any:
-    from mjfish.mujoco.block import numbers_of, unpack
+    from mjfish.mujoco.block import block_of
 
-    return unpack(numbers_of(fluid.model))
+    return block_of(fluid.model).links
 
 
 def test_a_load_reads_the_place_of_its_strips_and_the_heading_against_them() -> None:

@@ -17,7 +17,7 @@ from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, link_records
 from mjfish.hydro.load import PARAMETERS, Load, load
 from mjfish.mujoco import StripFluid, mjcf
-from mjfish.mujoco.block import loads_in, numbers_of
+from mjfish.mujoco.block import block_of
 from proofs import reference
 
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
@@ -27,7 +27,7 @@ def test_a_load_reads_the_record_that_it_reads_in_the_ode(pike: Fish) -> None:
     """Field by field. Catches a centre of mass from the wrong end, an inertia of another axis, strips not copied."""
     for fish in (pike, pike.model_copy(update={"servo": None, "munk_moment": 0.5})):  # hand-written, built
         fluid = mjcf.swimmer(fish, values=VALUES, loads=[(pushing, [1.0])])
-        _, found = loads_in(numbers_of(fluid.model))
+        found = block_of(fluid.model).planes
         expected = link_records(fish, VALUES)
         for field in LINK.names or ():
             np.testing.assert_allclose(found[field], expected[field], rtol=1e-12, atol=1e-15, err_msg=field)

@@ -17,7 +17,7 @@ from mjfish.errors import UnknownNameError
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.link import link_records
 from mjfish.mujoco import mjcf
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.mujoco.mjcf import INTEGRATORS
 
 _ROOT = Path(__file__).parents[2]
@@ -64,7 +64,7 @@ def test_every_shipped_fish_compiles_with_its_water(name: str) -> None:
     assert [link.body for link in fluid.links] == [link.name for link in fish.links]
     assert fluid.coupling == "inertia"
     assert fluid.model.nv == mjcf.ROOT + fish.joints
-    water, planar_water = unpack(numbers_of(fluid.model)), link_records(fish)
+    water, planar_water = block_of(fluid.model).links, link_records(fish)
     names = set(water.dtype.names) & set(planar_water.dtype.names)
     assert {"length", "c_m", "c_d", "c_f", "munk", "density", "added", "wetted", "height_moment"} <= names
     for field in names:

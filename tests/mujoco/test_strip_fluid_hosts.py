@@ -106,10 +106,10 @@ def test_forward_that_skips_the_position_is_a_forward(coupling: str) -> None:
 def test_rollout_in_threads_is_a_loop(coupling: str, threads: int) -> None:
     """Catches a callback that writes into what the threads share, such as the velocities that loads read."""
     fluid = tree(coupling, loaded=True)
-    before = fluid._block.numbers.copy()
+    before = fluid._block.links.copy()
     states = _rolled(fluid, fluid.model, 8, threads)
     np.testing.assert_array_equal(states, np.tile(_loop(fluid), (8, 1, 1)))
-    np.testing.assert_array_equal(fluid._block.numbers, before)
+    np.testing.assert_array_equal(fluid._block.links, before)
 
 
 def test_rollout_of_several_models_has_the_water_of_each() -> None:

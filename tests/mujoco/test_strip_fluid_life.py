@@ -66,7 +66,7 @@ def test_copy_that_outlives_its_water_is_spoilt() -> None:
     assert row in [int(other.model.opt.o_solimp[2]) for other in others], "the row is given away again"
     _spoilt(left, others[0], _GONE)
     with pytest.raises(InputError, match=_GONE):
-        block.numbers_of(left)
+        block.block_of(left)
     StripFluid(left, tree_links())  # as the message says
     with others[0].installed():
         mujoco.mj_step(left, data := stirred(left))

@@ -13,7 +13,7 @@ from wet_models import PLATE, PLATE_LINK, TREE, compiled, with_custom
 from mjfish.errors import InputError
 from mjfish.hydro.load import load
 from mjfish.mujoco import StripFluid, StripLink
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.numerics.arrays import FloatArray
 
 _FULL = {
@@ -63,10 +63,10 @@ def test_python_toml_and_custom_give_the_same_numbers(tmp_path: Path) -> None:
     custom = StripFluid(_custom(_FULL, _SHORT, density=_DENSITY))
     assert made.links == read.links == custom.links
     assert made.density == read.density == custom.density == _DENSITY
-    expected = numbers_of(made.model)
-    np.testing.assert_array_equal(numbers_of(read.model), expected)
-    np.testing.assert_array_equal(numbers_of(custom.model), expected)
-    record = unpack(expected)[0]
+    expected = block_of(made.model).links
+    np.testing.assert_array_equal(block_of(read.model).links, expected)
+    np.testing.assert_array_equal(block_of(custom.model).links, expected)
+    record = expected[0]
     assert set(StripLink.model_fields) == {*_FULL, "sections", "start"}, "a new field is missing in this test"
     assert (record["c_m"], record["c_d"], record["c_f"], record["munk"]) == (0.9, 0.7 * (5.0 / 3.0) ** -0.4, 0.03, 0.5)
     assert (record["roll_damping"], record["volume"], record["density"]) == (1.3, 0.0021, _DENSITY)
@@ -129,7 +129,7 @@ def test_arrays_and_numbers_of_numpy_are_taken() -> None:
 
 
 def _slab(**keys: Any) -> Any:
-    return unpack(numbers_of(StripFluid(compiled(PLATE), [{**PLATE_LINK, **keys}]).model))[0]
+    return block_of(StripFluid(compiled(PLATE), [{**PLATE_LINK, **keys}]).model).links[0]
 
 
 def test_integrals_of_a_slab_are_those_on_paper() -> None:
@@ -155,7 +155,7 @@ def test_links_may_share_one_outline() -> None:
     sections = [{"from": 0.0, "to": 0.5, "height": [0.1, 0.2], "width": [0.02, 0.02]}]
     shared = StripLink(body="plate", length=0.25, sections=sections, start=0.25)
     own = StripLink(body="plate", length=0.25, height=[0.15, 0.2], width=0.02)
-    records = [unpack(numbers_of(StripFluid(compiled(PLATE), [link]).model)) for link in (shared, own)]
+    records = [block_of(StripFluid(compiled(PLATE), [link]).model).links for link in (shared, own)]
     for field in ("added", "added_width", "added_roll", "volume", "wetted", "height_moment", "strip_r", "center"):
         np.testing.assert_allclose(records[0][field], records[1][field], rtol=1e-9, atol=1e-15, err_msg=field)
 
@@ -299,7 +299,7 @@ def test_what_is_accepted_makes_a_finite_force(name: str, density: float) -> Non
     """At the bounds of every key; catches a size whose square overflows, or whose volume is none."""
     model = compiled(TREE)
     fluid = StripFluid(model, [{**PLATE_LINK, "body": "trunk", **_EXTREME[name]}], density=density)
-    assert np.all(np.isfinite(unpack(numbers_of(model))["added"]))
+    assert np.all(np.isfinite(block_of(model).links["added"]))
     data = mujoco.MjData(model)
     data.qvel[:6] = [1.0, -0.5, 0.3, 0.2, -0.1, 0.4]
     with fluid.installed():

@@ -9,7 +9,7 @@ from wet_models import PLATE_LINK, TREE, compiled, stirred, tree, tree_links
 
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.mujoco.fluid import PARTS
 
 _SEEDS = (1, 2, 3)
@@ -98,7 +98,7 @@ def test_parts_are_what_they_are_called() -> None:
     with fluid.installed():
         mujoco.mj_forward(model, data)
     rest = fluid.wrenches(data)
-    volumes = unpack(numbers_of(model))["volume"]
+    volumes = block_of(model).links["volume"]
     assert np.all(rest["drag"] == 0.0)
     assert np.all(rest["munk"] == 0.0)
     np.testing.assert_allclose(rest["buoyancy"][:, 2], 1000.0 * 9.81 * volumes, rtol=1e-12)

@@ -18,7 +18,6 @@ from mjfish.errors import InputError
 from mjfish.reporting import film
 from mjfish.reporting.film import files
 from mjfish.reporting.film.caption import caption_of, captioned
-from mjfish.reporting.film.shot import Size
 from mjfish.reporting.log import write_log
 from mjfish.reporting.log.drawing import Drawing
 from mjfish.reporting.log.reading import read_log
@@ -38,7 +37,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw few and small pictures."""
     skip_without_gl()
     for suffix in (".mp4", ".gif"):
-        monkeypatch.setitem(files._SIZES, suffix, Size(480, 270))
+        monkeypatch.setitem(files._SIZES, suffix, (480, 270))
         monkeypatch.setitem(files._RATES, suffix, 5.0)
 
 

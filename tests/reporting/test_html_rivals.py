@@ -10,8 +10,8 @@ from html_tree import Element, tree
 
 from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.table import Comparison
+from mjfish.reporting.html.candidates import rivals
 from mjfish.reporting.html.diagnosis import render_diagnosis
-from mjfish.reporting.html.rivals import rivals
 
 
 def _table(found: Diagnosis) -> Element:

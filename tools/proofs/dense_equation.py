@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.numerics.arrays import FloatArray
 from proofs import reference
 
@@ -69,7 +69,7 @@ def equation(model: mujoco.MjModel, data: mujoco.MjData) -> Equation:
     mujoco.mj_fullM(dry, alone, rigid)
     added = np.zeros_like(rigid)
     force = alone.qfrc_passive + alone.qfrc_actuator + alone.qfrc_applied - alone.qfrc_bias
-    for link in unpack(numbers_of(model)):
+    for link in block_of(model).links:
         J = reference.jacobian_of(model, alone, link)
         A = reference.inertia_of(link)
         added += J.T @ A @ J

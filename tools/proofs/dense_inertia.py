@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.numerics.arrays import FloatArray, RecordArray
 
 
@@ -13,7 +13,7 @@ def inertia(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return M + sum J^T A J (nv, nv), where mjData's own inertia is without water (`mj_makeM`)."""
     total = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, total)
-    for link in unpack(numbers_of(model)):
+    for link in block_of(model).links:
         J = jacobian_of(model, data, link)
         total += J.T @ inertia_of(link) @ J
     return total

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from mjfish.mujoco.block import numbers_of, unpack
+from mjfish.mujoco.block import block_of
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.numerics.arrays import FloatArray
 from proofs import parts, reference, trees
@@ -81,7 +81,7 @@ class _Lagged:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._dry = dried(model)
-        self._water = unpack(numbers_of(model))
+        self._water = block_of(model).links
         self._last = np.zeros(model.nv)
 
     def step(self, data: mujoco.MjData) -> None:

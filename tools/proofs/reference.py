@@ -12,14 +12,14 @@ import numpy as np
 from mjfish.hydro.blunt_force import blunt_drag
 from mjfish.hydro.load import ANSWER, LoadBuffers, loads_on
 from mjfish.hydro.spatial_force import spatial_drag, spatial_gyroscopic, spatial_munk
-from mjfish.mujoco.block import loads_in, numbers_of, unpack, view
+from mjfish.mujoco.block import block_of
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from proofs.dense_inertia import axes_of, inertia, inertia_of, jacobian_of, origin_of
 
 
 def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Write each link's wrench into ``xfrc_applied``; the commands in ``ctrl`` are the caller's."""
-    water = unpack(numbers_of(model))
+    water = block_of(model).links
     data.xfrc_applied[np.unique(water["body"]).astype(int)] = 0.0
     acceleration = solve(model, data)
     for index, link in enumerate(water):
@@ -32,7 +32,7 @@ def solve(model: mujoco.MjModel, data: mujoco.MjData) -> FloatArray:
     """Return q'' (nv,) of (M + sum J^T A J) q'' = tau - c + sum J^T (f - A b), dense."""
     mujoco.mj_fwdActuation(model, data)  # qfrc_actuator is that of the step before
     force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
-    for index, link in enumerate(unpack(numbers_of(model))):
+    for index, link in enumerate(block_of(model).links):
         J, b, A = jacobian_of(model, data, link), bias_of(model, data, link), inertia_of(link)
         force += J.T @ (force_of(model, data, link) + load_of(model, data, index) - A @ b)
     return np.linalg.solve(inertia(model, data), force)
@@ -60,21 +60,20 @@ def velocity_of(model: mujoco.MjModel, data: mujoco.MjData, link: RecordArray) -
 
 def load_of(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> FloatArray:
     """Return the force (6,) of all loads on a link, in the strips' frame; write the rates of hidden states to ctrl."""
-    numbers = numbers_of(model)
-    table, plane = loads_in(numbers)
+    water = block_of(model)
     force = np.zeros(6)
-    if len(table.addresses):
-        link, water = unpack(numbers)[index], view(numbers.ctypes.data)
-        seen = plane[index : index + 1].copy()
+    if len(water.loads.addresses):
+        link, head = water.links[index], water.header[0]
+        seen = water.planes[index : index + 1].copy()
         vx, vy, _, _, _, wz = velocity_of(model, data, link)
         seen["u"], seen["v"], seen["w"] = vx, vy, wz
         seen["x"], seen["y"], _ = origin_of(data, link)
         ahead = -axes_of(data, link)[:, 0]
         seen["heading"] = np.arctan2(ahead[1], ahead[0])
-        first = -axes_of(data, unpack(numbers)[0])[:, 0]
+        first = -axes_of(data, water.links[0])[:, 0]
         seen["bend"] = np.arctan2(first[0] * ahead[1] - first[1] * ahead[0], first[:2] @ ahead[:2])
-        buffers = LoadBuffers(np.zeros(ANSWER), data.act[water.activation :], data.ctrl[water.control :])
-        force[[0, 1, 5]] = loads_on(seen, 0, index, table, False, buffers)
+        buffers = LoadBuffers(np.zeros(ANSWER), data.act[head["activation"] :], data.ctrl[head["control"] :])
+        force[[0, 1, 5]] = loads_on(seen, 0, index, water.loads, False, buffers)
     return force
 
 

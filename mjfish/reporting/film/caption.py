@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ from mjfish.reporting.film.shot import LONG
 from mjfish.reporting.film.stretch import Stretch
 from mjfish.reporting.log.drawing import COLOURS, FORCES
 
-Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+Colour = tuple[int, int, int]
+Item = TypeVar("Item")
 #: Height of the letters, in heights of the picture, and of the smallest that can be read [pixels].
 _LETTERS, _SMALLEST = 0.032, 13
 _INK, _MUTED, _SHADE = (240, 243, 246), (190, 203, 212), (10, 20, 28, 165)
@@ -32,7 +34,7 @@ class Caption:
     """
 
     title: str
-    legend: tuple[tuple[tuple[int, int, int], str], ...]
+    legend: tuple[tuple[Colour, str], ...]
     notes: tuple[str, ...]
 
 
@@ -82,49 +84,39 @@ def captioned(picture: NDArray[np.uint8], caption: Caption, time: float | None =
     draw = ImageDraw.Draw(image, "RGBA")
     size = max(_SMALLEST, round(_LETTERS * image.height))
     font, small = ImageFont.load_default(size), ImageFont.load_default(max(_SMALLEST, round(0.85 * size)))
-    margin = size
-    lines = _wrapped(draw, caption, small, image.width - 2 * margin, size)
+    margin, width = size, image.width - 2 * size
+    gap = 1.4 * size
+
+    def wide(entry: tuple[Colour, str]) -> float:
+        return size + draw.textlength(entry[1], font=small)
+
+    lines = _lines(caption.legend, lambda line: sum(map(wide, line)) + gap * (len(line) - 1), width)
     draw.rectangle((0, 0, image.width, margin + round(1.5 * size) * (1 + len(lines))), fill=_SHADE)
     draw.text((margin, 0.6 * margin), caption.title, font=font, fill=_INK)
     if time is not None:
         draw.text((image.width - margin, 0.6 * margin), f"{time:.2f} s", font=font, fill=_INK, anchor="ra")
     y = 0.6 * margin + 1.6 * size
     for line in lines:
-        for x, colour, words in line:
-            draw.ellipse((margin + x, y + 0.12 * size, margin + x + 0.7 * size, y + 0.82 * size), fill=colour)
-            draw.text((margin + x + size, y), words, font=small, fill=_INK)
+        x = 0.0
+        for entry in line:
+            draw.ellipse((margin + x, y + 0.12 * size, margin + x + 0.7 * size, y + 0.82 * size), fill=entry[0])
+            draw.text((margin + x + size, y), entry[1], font=small, fill=_INK)
+            x += wide(entry) + gap
         y += 1.5 * size
-    notes = _notes(draw, caption, small, image.width - 2 * margin)
+    notes = _lines(caption.notes, lambda line: draw.textlength("; ".join(line), font=small), width)
     top = image.height - round(1.35 * size * len(notes) + 0.6 * size)
     draw.rectangle((0, top, image.width, image.height), fill=_SHADE)
     for k, note in enumerate(notes):
-        draw.text((margin, top + 0.35 * size + 1.35 * size * k), note, font=small, fill=_MUTED)
+        draw.text((margin, top + 0.35 * size + 1.35 * size * k), "; ".join(note), font=small, fill=_MUTED)
     return image
 
 
-def _notes(draw: ImageDraw.ImageDraw, caption: Caption, font: Font, width: int) -> list[str]:
-    """Return the notes in lines that fit the width."""
-    lines = [caption.notes[0]]
-    for note in caption.notes[1:]:
-        longer = f"{lines[-1]}; {note}"
-        if draw.textlength(longer, font=font) <= width:
-            lines[-1] = longer
+def _lines(items: Sequence[Item], length: Callable[[Sequence[Item]], float], width: float) -> list[list[Item]]:
+    """Return the items in lines that are not longer than the width, one item a line at least."""
+    lines: list[list[Item]] = []
+    for item in items:
+        if lines and length([*lines[-1], item]) <= width:
+            lines[-1].append(item)
         else:
-            lines.append(note)
-    return lines
-
-
-def _wrapped(
-    draw: ImageDraw.ImageDraw, caption: Caption, font: Font, width: int, size: int
-) -> list[list[tuple[float, tuple[int, int, int], str]]]:
-    """Return the legend in lines that fit the width, each entry with its place."""
-    lines: list[list[tuple[float, tuple[int, int, int], str]]] = [[]]
-    x = 0.0
-    for colour, words in caption.legend:
-        needed = size + draw.textlength(words, font=font)
-        if lines[-1] and x + needed > width:
-            lines.append([])
-            x = 0.0
-        lines[-1].append((x, colour, words))
-        x += needed + 1.4 * size
+            lines.append([item])
     return lines

@@ -12,13 +12,13 @@ from PIL import Image
 
 from mjfish.files import writing
 from mjfish.reporting.film.caption import caption_of, captioned
-from mjfish.reporting.film.shot import Size, frames, still
+from mjfish.reporting.film.shot import frames, still
 from mjfish.reporting.film.stretch import Stretch
 
 SUFFIXES = (".mp4", ".gif", ".png")
 #: Pictures a second; those of a GIF last whole hundredths of a second.
 _RATES = {".mp4": 30.0, ".gif": 20.0}
-_SIZES = {".mp4": Size(1280, 720), ".gif": Size(720, 406), ".png": Size(1600, 560)}
+_SIZES = {".mp4": (1280, 720), ".gif": (720, 406), ".png": (1600, 560)}
 #: Colours of a GIF.
 _PALETTE = 256
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mjfish.mujoco.offscreen import FIELD, Camera, Stage, Strokes
+from mjfish.mujoco.offscreen import FIELD, Stage, Strokes
 from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.film.stretch import Stretch
-from mjfish.reporting.log.drawing import COLOURS, FORCES, Figure, camera_path, floor_height
+from mjfish.reporting.log.drawing import COLOURS, FORCES, Drawing, Figure, camera_path, floor_height
 
 #: The camera looks down so steeply [deg]: on a film, and on a still.
 _TILT, _STEEP = -52.0, -62.0
@@ -31,12 +30,8 @@ _POINTS = 160
 _APART, _INSTANTS = 1.15, 4
 
 
-@dataclass(frozen=True)
-class Size:
-    """Width and height of a picture [pixels]."""
-
-    width: int
-    height: int
+#: Width and height of a picture [pixels].
+Size = tuple[int, int]
 
 
 def frames(stretch: Stretch, size: Size, rate: float) -> Iterator[tuple[float, NDArray[np.uint8]]]:
@@ -52,21 +47,19 @@ def frames(stretch: Stretch, size: Size, rate: float) -> Iterator[tuple[float, N
     drawing = stretch.drawing
     count = max(2, round((stretch.end - stretch.start) * stretch.slowdown * rate))
     times = np.linspace(stretch.start, stretch.end, count)
-    figures = [figure.at(times) for figure in _bodies(drawing.figures)]
+    figures = [figure.at(times) for figure in drawing.figures]
     path = camera_path(figures, times)
     azimuth = _azimuth(figures)
     distance = _distance(figures, path, azimuth, drawing.length, size)
-    bodies = [(mesh, figure.colour) for figure in figures for mesh in figure.meshes]
-    floor, spacing = floor_height(figures, drawing.length), _SPACING * drawing.length
-    extent = 3.0 * drawing.length
-    with Stage(bodies, width=size.width, height=size.height, floor=floor, spacing=spacing, extent=extent) as stage:
+    with _stage(drawing, figures, size, drawing.length) as stage:
         for k, time in enumerate(times):
-            place = np.concatenate([figure.place[k] for figure in figures])
-            turn = np.concatenate([figure.turn[k] for figure in figures])
             strokes = [stroke for figure in figures for stroke in _line(figure, drawing.length, k + 1)]
             strokes += [stroke for figure in figures for stroke in _arrows(figure, k, drawing.length)]
-            camera = Camera(_point(path[k]), distance, azimuth, _TILT)
-            yield float(time), stage.picture(place, turn, strokes, camera)
+            yield float(time), stage.picture(
+                np.concatenate([figure.place[k] for figure in figures]),
+                np.concatenate([figure.turn[k] for figure in figures]),
+                strokes, target=path[k], distance=distance, azimuth=azimuth, elevation=_TILT,
+            )  # fmt: skip
 
 
 def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
@@ -76,10 +69,9 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     """
     drawing = stretch.drawing
     times = _instants(stretch)
-    figures = [figure.at(times) for figure in _bodies(drawing.figures)]
+    figures = [figure.at(times) for figure in drawing.figures]
     azimuth = _azimuth(figures)
-    corners = np.concatenate([figure.place.reshape(-1, 3) for figure in figures])
-    every = np.concatenate([corners, *(_tails(figure) for figure in figures)])
+    every = np.concatenate([p for figure in figures for p in (figure.place.reshape(-1, 3), _tails(figure))])
     right, deep = _axes(azimuth)
     across, up = every @ right, every @ deep
     middle = 0.5 * (across.min() + across.max()) * right + 0.5 * (up.min() + up.max()) * deep
@@ -87,16 +79,27 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     bent = [figure.at(times[k : k + 1]) for k in range(len(times)) for figure in figures]
     room = 2.0 * _LITTLE * drawing.length
     distance = _fitting(np.ptp(across) + room, np.ptp(up) + 2.0 * room, size, _STEEP)
-    bodies = [(mesh, figure.colour) for figure in bent for mesh in figure.meshes]
     swum = np.linspace(times[0], times[-1], _POINTS)
-    lines = [stroke for figure in _bodies(drawing.figures) for stroke in _line(figure.at(swum), drawing.length)]
-    arrows = [stroke for figure in bent for stroke in _arrows(figure, 0, drawing.length)]
-    floor, spacing = floor_height(figures, drawing.length), _SPACING * drawing.length
-    extent = 3.0 * max(drawing.length, float(np.ptp(across)))
-    with Stage(bodies, width=size.width, height=size.height, floor=floor, spacing=spacing, extent=extent) as stage:
-        place = np.concatenate([figure.place[0] for figure in bent])
-        turn = np.concatenate([figure.turn[0] for figure in bent])
-        return times, stage.picture(place, turn, [*lines, *arrows], Camera(_point(middle), distance, azimuth, _STEEP))
+    strokes = [stroke for figure in drawing.figures for stroke in _line(figure.at(swum), drawing.length)]
+    strokes += [stroke for figure in bent for stroke in _arrows(figure, 0, drawing.length)]
+    with _stage(drawing, bent, size, max(drawing.length, float(np.ptp(across)))) as stage:
+        return times, stage.picture(
+            np.concatenate([figure.place[0] for figure in bent]),
+            np.concatenate([figure.turn[0] for figure in bent]),
+            strokes, target=middle, distance=distance, azimuth=azimuth, elevation=_STEEP,
+        )  # fmt: skip
+
+
+def _stage(drawing: Drawing, figures: Sequence[Figure], size: Size, seen: float) -> Stage:
+    """Return the stage with these figures, of which so much [m] is seen."""
+    return Stage(
+        [(mesh, figure.colour) for figure in figures for mesh in figure.meshes],
+        width=size[0],
+        height=size[1],
+        floor=floor_height(figures, drawing.length),
+        spacing=_SPACING * drawing.length,
+        extent=3.0 * seen,
+    )
 
 
 def _instants(stretch: Stretch) -> FloatArray:
@@ -104,19 +107,14 @@ def _instants(stretch: Stretch) -> FloatArray:
 
     Of a fish that does not get that far, both ends of the stretch.
     """
-    figure = _bodies(stretch.drawing.figures)[0]
     times = np.linspace(stretch.start, stretch.end, 2000)
-    path = camera_path([figure.at(times)], times)
+    path = camera_path(stretch.drawing.figures[:1], times)
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     apart = _APART * stretch.drawing.length
     count = min(int(way[-1] / apart) + 1, _INSTANTS)
     if count < 2:
         return np.array([stretch.start, stretch.end])
     return np.asarray(np.interp(apart * np.arange(count), way, times))
-
-
-def _bodies(figures: Sequence[Figure]) -> list[Figure]:
-    return [figure for figure in figures if figure.meshes]
 
 
 def _azimuth(figures: Sequence[Figure]) -> float:
@@ -152,7 +150,7 @@ def _distance(figures: Sequence[Figure], path: FloatArray, azimuth: float, lengt
 def _fitting(across: float, deep: float, size: Size, tilt: float) -> float:
     """Return the distance [m] from which a patch of the plane is seen."""
     upright = math.tan(math.radians(0.5 * FIELD))
-    level = upright * size.width / size.height
+    level = upright * size[0] / size[1]
     high = deep * abs(math.sin(math.radians(tilt)))
     nearer = 0.5 * deep * math.cos(math.radians(tilt))  # the near edge of the patch is nearer to the camera
     return max(0.5 * across / level, 0.5 * high / upright) + nearer
@@ -180,8 +178,3 @@ def _arrows(figure: Figure, k: int, length: float) -> list[Strokes]:
             start = origins[k][seen] + back[seen, None] * np.array([0.0, 0.0, 1.0])
             strokes.append(Strokes(start, start + shown, _ARROW * length, FORCES[kind], arrows=True))
     return strokes
-
-
-def _point(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def worst(drawing: Drawing, count: int = BEATS) -> Stretch:
 
 def beats(drawing: Drawing) -> float:
     """Return the time of one beat [s]: the strongest frequency of the angle between tail and head."""
-    figure = next(figure for figure in drawing.figures if figure.meshes)
+    figure = drawing.figures[0]
     step = float(np.median(np.diff(figure.time)))
     even = figure.at(np.arange(figure.time[0], figure.time[-1], step))
     bend = np.unwrap(2.0 * np.arctan2(even.turn[:, -1, 2], even.turn[:, -1, 3])) - even.heading()
@@ -81,15 +81,11 @@ def _ends(drawing: Drawing) -> tuple[float, float]:
 
 
 def _anchored(drawing: Drawing, start: float, end: float, slowdown: int) -> Stretch:
-    measured = next((figure for figure in drawing.figures if figure.swimmer == "measured"), None)
-    if measured is None or not measured.meshes:
+    first, *others = drawing.figures
+    if first.swimmer != "measured":
         return Stretch(drawing, start, end, slowdown)
-    figures = tuple(
-        figure if figure is measured or not figure.meshes else figure.onto(measured, start)
-        for figure in drawing.figures
-    )
-    moved = Drawing(drawing.name, drawing.source, drawing.held_out, drawing.length, figures, drawing.scale)
-    return Stretch(moved, start, end, slowdown, anchored=len(figures) > 1)
+    moved = replace(drawing, figures=(first, *(figure.onto(first, start) for figure in others)))
+    return Stretch(moved, start, end, slowdown, anchored=len(others) > 0)
 
 
 def _distance(stretch: Stretch) -> float:

@@ -1,4 +1,4 @@
-"""What is said of every candidate in words, and which of them are out of the race."""
+"""What is said of every candidate in words, which of them are out of the race, and which sets are rivals."""
 
 from __future__ import annotations
 
@@ -130,3 +130,15 @@ def grouped(diagnosis: DiagnosisData) -> tuple[list[Candidate], list[Candidate],
         [candidate for candidate in tried if candidate.name not in kept],
         [candidate for candidate in order if candidate not in tried],
     )
+
+
+def rivals(diagnosis: DiagnosisData) -> list[tuple[tuple[str, ...], Row | None]]:
+    """Return the sets that stay with their rows of evidence, where there are several and none is named.
+
+    The one that is the extended model of the figures comes first.
+    """
+    if diagnosis.verdict != "cannot_tell" or len(diagnosis.alternatives) < 2:
+        return []
+    rows = {frozenset(row.names): row for row in diagnosis.table.rows}
+    every = [(names, rows.get(frozenset(names))) for names in diagnosis.alternatives]
+    return sorted(every, key=lambda rival: {*rival[0]} != {*diagnosis.best})

@@ -13,13 +13,12 @@ from mjfish.diagnosis.where import FIFTHS
 from mjfish.files.writing import write_text
 from mjfish.numerics.formats import CHANNEL_NAMES, channel_name
 from mjfish.reporting.html import readings
-from mjfish.reporting.html.candidates import detectable, grouped, possible, remark
+from mjfish.reporting.html.candidates import detectable, grouped, possible, remark, rivals
 from mjfish.reporting.html.curves import FormRow, form_rows
 from mjfish.reporting.html.figures import force_figure, overlay_figure, path_figure, worst_path
 from mjfish.reporting.html.methods import methods
 from mjfish.reporting.html.pages import render
 from mjfish.reporting.html.residuals import beat_figure, speed_figure
-from mjfish.reporting.html.rivals import rivals
 from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
 from mjfish.reporting.notices import notices
 from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title
@@ -112,10 +111,11 @@ def picture(diagnosis: DiagnosisData, forms: Sequence[FormRow]) -> tuple[str, go
     if forms and any(mechanism.form == "learned" for mechanism in diagnosis.mechanisms):
         first = forms[0][1][0]
         return (first.title, first.figure, readings.CURVE)
-    if not diagnosis.setup.velocities and (run := worst_path(diagnosis)) is not None:
+    if not diagnosis.setup.velocities and (worst := worst_path(diagnosis)) is not None:
+        run, places = worst
         held_out = "held-out " if run.held_out else ""
         title = f"Path in {held_out}trial {run.trial.name}: where the nominal model is worst"
-        return (title, path_figure(diagnosis, run), readings.PATH)
+        return (title, path_figure(diagnosis, places), readings.PATH)
     stretch = worst_stretch(diagnosis)
     return (stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
 

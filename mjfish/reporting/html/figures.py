@@ -42,6 +42,8 @@ COLOURS = {
 POINTS = 2400
 #: Inputs that a residual is correlated with.
 INPUT_NAMES = {"beat": "last joint", "double_beat": "last joint, squared"}
+#: How the velocities read, with their units.
+VELOCITIES = tuple(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]" for channel in CHANNELS)
 #: Profiles side by side, at most, and the highest rise that is drawn, in units of the threshold.
 COLUMNS = 3
 _TOP = 1.6
@@ -113,9 +115,15 @@ class Panel:
         )  # fmt: skip
 
 
-def panels(rows: int, columns: int = 1, *, height: int, **layout: Any) -> go.Figure:
-    """Return a figure of empty panels, `height` pixels high; `layout` goes to `plotly.subplots.make_subplots`."""
-    return make_subplots(rows, columns, **layout).update_layout(template="mjfish", height=height)
+def panels(rows: int, columns: int = 1, *, height: int, headings: Sequence[str] = (), **layout: Any) -> go.Figure:
+    """Return a figure of empty panels, `height` pixels high, with headings, row by row.
+
+    `layout` goes to `plotly.subplots.make_subplots`.
+    """
+    figure = make_subplots(rows, columns, **layout).update_layout(template="mjfish", height=height)
+    for k, text in enumerate(headings):
+        Panel(figure, k // columns + 1, k % columns + 1).heading(text)
+    return figure
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -133,7 +141,11 @@ def compact(values: FloatArray) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
 
 
-def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray]) -> go.Figure:
+#: A sensor, and what each model predicts it to read (m, c).
+Read = tuple[Sensor, Mapping[str, FloatArray]]
+
+
+def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray], read: Sequence[Read] = ()) -> go.Figure:
     """Return measured and predicted velocities over time and the residuals beside them.
 
     Dotted lines: the drive steps.
@@ -141,18 +153,27 @@ def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray]) -> go.Figure
     Args:
         trial: as measured.
         predicted: velocities (n, 3) by model, ``nominal`` or ``extended``; NaN leaves a gap.
+        read: what sensors read, which is drawn in place of the velocities where there is some.
     """
-    series = [
-        Series(f"{CHANNEL_NAMES[name]} [{UNITS[name]}]", trial.time, trial.velocity[:, k], {
-            model: values[:, k] for model, values in predicted.items()
-        })
-        for k, name in enumerate(CHANNELS)
-    ]  # fmt: skip
-    figure = series_figure(series)
+    if read:
+        return series_figure(
+            [
+                Series(f"{sensor.name} {channel} [{unit}]", sensor.time, sensor.values[:, k], _column(values, k))
+                for sensor, values in read
+                for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True))
+            ]
+        )
+    figure = series_figure(
+        [Series(title, trial.time, trial.velocity[:, k], _column(predicted, k)) for k, title in enumerate(VELOCITIES)]
+    )
     for segment in trial.drive[1:]:
         line = {"color": COLOURS["muted"], "width": 1, "dash": "dot"}
         figure.add_vline(segment.start, row="all", col="all", line=line)
     return figure
+
+
+def _column(predicted: Mapping[str, FloatArray], k: int) -> dict[str, FloatArray]:
+    return {model: values[:, k] for model, values in predicted.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,16 +184,6 @@ class Series:
     time: FloatArray
     measured: FloatArray
     predicted: Mapping[str, FloatArray]
-
-
-def of_sensor(sensor: Sensor, predicted: Mapping[str, FloatArray]) -> list[Series]:
-    """Return the channels of a sensor, with what each model predicts it to read (m, c)."""
-    return [
-        Series(f"{sensor.name} {channel} [{unit}]", sensor.time, sensor.values[:, k], {
-            model: values[:, k] for model, values in predicted.items()
-        })
-        for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True))
-    ]  # fmt: skip
 
 
 def series_figure(series: Sequence[Series]) -> go.Figure:
@@ -193,10 +204,16 @@ def series_figure(series: Sequence[Series]) -> go.Figure:
     return figure.update_xaxes(title_text="time [s]", row=len(series))
 
 
+def predictions(diagnosis: DiagnosisData, of: Overlay | SensorOverlay) -> dict[str, FloatArray]:
+    """Return what the models of a diagnosis predict of a trial or of a sensor."""
+    models = ("nominal", "extended") if diagnosis.best else ("nominal",)
+    return {model: getattr(of, model) for model in models}
+
+
 def scored_predictions(diagnosis: DiagnosisData, overlay: Overlay) -> dict[str, FloatArray]:
     """Return what the models of a diagnosis predict where it counts (`Overlay.counted`), NaN elsewhere."""
-    models = ("nominal", "extended") if diagnosis.best else ("nominal",)
-    return {model: np.where(overlay.counted[:, None], getattr(overlay, model), np.nan) for model in models}
+    counted = overlay.counted[:, None]
+    return {model: np.where(counted, values, np.nan) for model, values in predictions(diagnosis, overlay).items()}
 
 
 def overlay_figure(diagnosis: DiagnosisData, overlay: Overlay) -> go.Figure:
@@ -204,59 +221,44 @@ def overlay_figure(diagnosis: DiagnosisData, overlay: Overlay) -> go.Figure:
 
     Where no velocity was measured, what sensors read.
     """
-    if not diagnosis.setup.velocities and overlay.sensors:
-        models = ("nominal", "extended") if diagnosis.best else ("nominal",)
-        read = ((own.sensor, {model: getattr(own, model) for model in models}) for own in overlay.sensors)
-        return series_figure([series for own in read for series in of_sensor(*own)])
-    return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay))
+    read = [] if diagnosis.setup.velocities else [(own.sensor, predictions(diagnosis, own)) for own in overlay.sensors]
+    return trial_figure(overlay.trial, scored_predictions(diagnosis, overlay), read)
 
 
-def worst_path(diagnosis: DiagnosisData) -> Overlay | None:
+def worst_path(diagnosis: DiagnosisData) -> tuple[Overlay, SensorOverlay] | None:
     """Return the run, held out if any is, whose places the nominal model misses most; None where none was measured."""
-    every = [overlay for overlay in diagnosis.overlays if _places(overlay) is not None]
-    shown = [overlay for overlay in every if overlay.held_out] or every
-
-    def missed(overlay: Overlay) -> float:
-        own = _places(overlay)
-        return 0.0 if own is None else float(np.nanmean((own.sensor.values - own.nominal) ** 2))
-
-    return max(shown, key=missed, default=None)
+    places = [(one, [own for own in one.sensors if own.sensor.kind == "position"]) for one in diagnosis.overlays]
+    every = [(overlay, own[0]) for overlay, own in places if own]
+    shown = [pair for pair in every if pair[0].held_out] or every
+    return max(shown, key=lambda pair: np.nanmean((pair[1].sensor.values - pair[1].nominal) ** 2), default=None)
 
 
-def _places(overlay: Overlay) -> SensorOverlay | None:
-    return next((own for own in overlay.sensors if own.sensor.kind == "position"), None)
-
-
-def path_figure(diagnosis: DiagnosisData, overlay: Overlay) -> go.Figure:
+def path_figure(diagnosis: DiagnosisData, places: SensorOverlay) -> go.Figure:
     """Return the places of one run in the plane, as measured and as the models predict them; metres are alike."""
-    own, figure = _places(overlay), panels(1, height=380)
-    if own is not None:
-        panel = Panel(figure, 1)
-        panel.curve(own.sensor.values[:, 0], own.sensor.values[:, 1], "measured", "measured", width=4.0)
-        for model in ("nominal", "extended") if diagnosis.best else ("nominal",):
-            places: FloatArray = getattr(own, model)
-            panel.curve(places[:, 0], places[:, 1], model, model, width=1.8)
-        panel.heading("y [m] over x [m]")
+    figure = panels(1, height=380, headings=["y [m] over x [m]"])
+    panel, measured = Panel(figure, 1), places.sensor.values
+    panel.curve(measured[:, 0], measured[:, 1], "measured", "measured", width=4.0)
+    for model, values in predictions(diagnosis, places).items():
+        panel.curve(values[:, 0], values[:, 1], model, model, width=1.8)
     return figure.update_yaxes(scaleanchor="x", scaleratio=1).update_layout(hovermode="closest")
 
 
 def residual_figure(residual: Residual) -> go.Figure:
     """Return one trial of an identification as measured and as the fitted model predicts it, where it counts."""
-    if residual.sensors and not residual.trial.measured.any():
-        read = (of_sensor(own.sensor, {"nominal": own.predicted}) for own in residual.sensors)
-        return series_figure([series for own in read for series in own])
-    return trial_figure(residual.trial, {"nominal": np.where(residual.counted[:, None], residual.predicted, np.nan)})
+    measured = residual.trial.measured.any()
+    read = [] if measured else [(own.sensor, {"nominal": own.predicted}) for own in residual.sensors]
+    counted = np.where(residual.counted[:, None], residual.predicted, np.nan)
+    return trial_figure(residual.trial, {"nominal": counted}, read)
 
 
 def force_figure(missing: MissingForce) -> go.Figure:
     """Return the missing force of a trial, one panel a component, bands two standard deviations wide on each side."""
     headings = ("surge [N]", "sway [N]", "yaw moment at the nose [N m]")
-    figure = panels(len(headings), height=380, shared_xaxes=True, vertical_spacing=0.07)
-    for k, heading in enumerate(headings):
+    figure = panels(len(headings), height=380, headings=headings, shared_xaxes=True, vertical_spacing=0.07)
+    for k in range(len(headings)):
         panel, force, half = Panel(figure, k + 1), missing.force[:, k], 2.0 * missing.band[:, k]
         panel.band(missing.time, force - half, force + half, "nominal-soft", "missing force")
         panel.curve(missing.time, force, "nominal", "missing force")
-        panel.heading(heading)
     figure.update_xaxes(range=[float(missing.time[0]), float(missing.time[-1])])
     return figure.update_xaxes(title_text="time [s]", row=len(headings)).update_yaxes(zeroline=True, nticks=4)
 

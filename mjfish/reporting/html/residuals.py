@@ -7,10 +7,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from mjfish.diagnosis import DiagnosisData, Overlay
-from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.numerics.arrays import FloatArray
-from mjfish.numerics.formats import CHANNEL_NAMES
-from mjfish.reporting.html.figures import Panel, panels, scored_predictions
+from mjfish.reporting.html.figures import VELOCITIES, Panel, panels, scored_predictions
 
 #: Bins of one beat, and of the speeds.
 BINS = 24
@@ -60,10 +58,9 @@ def by_quantiles(values: FloatArray, bins: int) -> tuple[NDArray[np.int_], Float
 def binned(index: NDArray[np.int_], residual: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and its standard error (bins, 3) of residuals (n, 3) by bin (n,); NaN in empty bins."""
     mean, error = np.full((bins, 3), np.nan), np.full((bins, 3), np.nan)
-    reached = np.isfinite(residual)
     for k in range(bins):
         for channel in range(3):
-            inside = residual[reached[:, channel] & (index == k), channel]
+            inside = residual[np.isfinite(residual[:, channel]) & (index == k), channel]
             if len(inside) > 1:
                 mean[k, channel] = inside.mean()
                 error[k, channel] = inside.std(ddof=1) / np.sqrt(len(inside))
@@ -77,16 +74,14 @@ def _shown(diagnosis: DiagnosisData) -> list[Overlay]:
 def _mean_figure(diagnosis: DiagnosisData, index: NDArray[np.int_], centre: FloatArray) -> go.Figure:
     overlays = _shown(diagnosis)
     predicted = [scored_predictions(diagnosis, overlay) for overlay in overlays]
-    figure = panels(1, len(CHANNELS), height=270, horizontal_spacing=0.08)
+    figure = panels(1, len(VELOCITIES), height=270, headings=VELOCITIES, horizontal_spacing=0.08)
     for model in predicted[0]:
         residual = [o.trial.velocity - models[model] for o, models in zip(overlays, predicted, strict=True)]
         mean, error = binned(index, np.concatenate(residual), len(centre))
-        for k in range(len(CHANNELS)):
+        for k in range(len(VELOCITIES)):
             panel = Panel(figure, 1, k + 1)
             low, high = mean[:, k] - 2.0 * error[:, k], mean[:, k] + 2.0 * error[:, k]
             filled = np.isfinite(low)
             panel.band(centre[filled], low[filled], high[filled], f"{model}-soft", model)
             panel.curve(centre, mean[:, k], model, model, width=2.0)
-    for k, channel in enumerate(CHANNELS):
-        Panel(figure, 1, k + 1).heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
     return figure.update_yaxes(zeroline=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import html
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,12 @@ from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
-from mjfish.fish.frames import CHANNELS, UNITS
+from mjfish.fish.frames import CHANNELS
 from mjfish.inspection import DataReport, Inspection
 from mjfish.numerics.formats import CHANNEL_NAMES
 from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
-from mjfish.reporting.html.figures import COLOURS, Panel, overlay_figure, panels, residual_figure
+from mjfish.reporting.html.figures import COLOURS, VELOCITIES, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
 from mjfish.reporting.html.pages import Block, Section, write_figures
 from mjfish.simulation import CrossCheck, Simulation
@@ -60,14 +61,18 @@ def _(result: DiagnosisData) -> go.Figure:
 @figure.register
 def _(result: Splits) -> go.Figure:
     """Draw in how many splits each mechanism is named, certain, or a part of the best."""
-    shares = result.mechanisms[::-1]
-    names = [html.escape(share.name) for share in shares]
-    drawn = panels(1, height=120 + 26 * len(shares))
-    for attribute, words, colour in _LEVELS:
-        counts = [getattr(share, attribute) for share in shares]
-        drawn.add_bar(x=counts, y=names, name=words, orientation="h", marker_color=COLOURS[colour])
-    drawn.update_xaxes(title_text=f"splits of {len(result.diagnosed)}", range=[0, max(len(result.diagnosed), 1)])
-    return drawn.update_yaxes(type="category").update_layout(barmode="stack", margin_l=160)
+    shares, count = result.mechanisms[::-1], len(result.diagnosed)
+    bars = {words: ([getattr(share, level) for share in shares], colour) for level, words, colour in _LEVELS}
+    drawn = _level_bars([share.name for share in shares], bars)
+    return drawn.update_xaxes(title_text=f"splits of {count}", range=[0, max(count, 1)]).update_layout(barmode="stack")
+
+
+def _level_bars(names: Sequence[str], bars: Mapping[str, tuple[Sequence[float], str]]) -> go.Figure:
+    """Return level bars, a row a name, with values and colour of each kind of bar by its words."""
+    drawn, rows = panels(1, height=120 + 26 * len(names)), [html.escape(name) for name in names]
+    for words, (values, colour) in bars.items():
+        drawn.add_bar(x=values, y=rows, name=words, orientation="h", marker_color=COLOURS[colour])
+    return drawn.update_yaxes(type="category").update_layout(margin_l=160)
 
 
 @figure.register
@@ -103,11 +108,9 @@ def _(result: Simulation) -> go.Figure:
 
 def _velocities() -> tuple[go.Figure, list[Panel]]:
     """Return an empty figure of the velocities over time, and its panels, one a channel."""
-    drawn = panels(len(CHANNELS), height=480, shared_xaxes=True, vertical_spacing=0.075)
-    of_channels = [Panel(drawn, k + 1) for k in range(len(CHANNELS))]
-    for panel, channel in zip(of_channels, CHANNELS, strict=True):
-        panel.heading(f"{CHANNEL_NAMES[channel]} [{UNITS[channel]}]")
-    return drawn.update_xaxes(title_text="time [s]", row=len(CHANNELS)), of_channels
+    drawn = panels(len(VELOCITIES), height=480, headings=VELOCITIES, shared_xaxes=True, vertical_spacing=0.075)
+    of_channels = [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
+    return drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES)), of_channels
 
 
 @figure.register
@@ -134,14 +137,13 @@ def _(result: Plan) -> go.Figure:
     """Draw what the best options do: probability of the right verdict, or minimum detectable effect, now and after."""
     separate = result.question.purpose == "separate"
     options = result.options[:_OPTIONS][::-1]
-    names = [html.escape(option.name) for option in options]
-    drawn = panels(1, height=120 + 26 * len(options))
-    for when, colour in (("now", "measured"), ("after", "extended")):
-        key = f"probability_{when}" if separate else when
-        values = [getattr(option.worst, key) for option in options]
-        drawn.add_bar(x=values, y=names, name=when, orientation="h", marker_color=COLOURS[colour])
+    kind = "probability_" if separate else ""
+    bars = {
+        when: ([getattr(option.worst, kind + when) for option in options], colour)
+        for when, colour in (("now", "measured"), ("after", "extended"))
+    }
     title = "probability of the right verdict" if separate else "minimum detectable effect"
-    return drawn.update_xaxes(title_text=title).update_yaxes(type="category").update_layout(margin_l=160)
+    return _level_bars([option.name for option in options], bars).update_xaxes(title_text=title)
 
 
 @figure.register
@@ -183,14 +185,8 @@ def write_report(result: Any, path: Path) -> None:
     write_figures(path, Section(first, rest, {}, (Block(type(result).__name__, "", figure(result)),)))
 
 
-@write_report.register
-def _(result: DiagnosisData, path: Path) -> None:
-    write_diagnosis(result, path)
-
-
-@write_report.register
-def _(result: DataReport, path: Path) -> None:
-    write_data_report(result, path)
+write_report.register(DiagnosisData, write_diagnosis)
+write_report.register(DataReport, write_data_report)
 
 
 @write_report.register

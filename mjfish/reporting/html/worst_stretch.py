@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mjfish.diagnosis import DiagnosisData, Overlay
-from mjfish.fish.frames import CHANNELS, UNITS
-from mjfish.numerics.arrays import FloatArray
+from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.formats import CHANNEL_NAMES
-from mjfish.reporting.html.figures import Panel, panels, scored_predictions
+from mjfish.reporting.html.figures import VELOCITIES, Panel, panels, scored_predictions
 
 #: Beats that are shown.
 _BEATS = 6.0
@@ -58,12 +58,11 @@ def stretch_figure(diagnosis: DiagnosisData, stretch: WorstStretch) -> go.Figure
     """Return the stretch as measured and as the models predict it."""
     trial, k = stretch.overlay.trial, CHANNELS.index(stretch.channel)
     window = slice(stretch.first, stretch.last)
-    figure = panels(1, height=280)
+    figure = panels(1, height=280, headings=[VELOCITIES[k]])
     panel = Panel(figure, 1)
     panel.curve(trial.time[window], trial.velocity[window, k], "measured", "measured", width=4.0)
     for model, values in scored_predictions(diagnosis, stretch.overlay).items():
         panel.curve(trial.time[window], values[window, k], model, model, width=1.8)
-    panel.heading(f"{CHANNEL_NAMES[stretch.channel]} [{UNITS[stretch.channel]}]")
     return figure.update_xaxes(title_text="time [s]")
 
 
@@ -74,7 +73,8 @@ def _worst(diagnosis: DiagnosisData, overlay: Overlay, k: int) -> tuple[float, W
     length = _samples(overlay)
     seen = measured[np.isfinite(measured)]
     width = max(float(np.ptp(seen)), 1e-12) if len(seen) else np.inf
-    means = _running_mean(np.where(np.isfinite(error), error / width, 0.0) ** 2, length)
+    squares = np.where(np.isfinite(error), error / width, 0.0) ** 2
+    means = sliding_window_view(squares, length).mean(axis=1)
     first = int(np.argmax(means))
     return float(means[first]), WorstStretch(overlay, CHANNELS[k], first, first + length)
 
@@ -84,9 +84,3 @@ def _samples(overlay: Overlay) -> int:
     beats = abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
     count = len(overlay.trial.time)
     return min(count, max(int(np.ceil(count * _BEATS / max(beats, 1e-9))), 2))
-
-
-def _running_mean(values: FloatArray, length: int) -> FloatArray:
-    """Return the means of all windows of so many values."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray((sums[length:] - sums[:-length]) / length)

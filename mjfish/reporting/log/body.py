@@ -75,27 +75,14 @@ def link_poses(
         joint_angle: (n, joints) [rad].
         attitude: (n, 3) roll, pitch [rad] and heave [m]; None: in the plane.
     """
-    if attitude is not None:
-        return _in_space(pose, attitude, *link_poses(fish, np.zeros_like(pose), joint_angle))
-    bend = np.concatenate([np.zeros((len(pose), 1)), np.cumsum(joint_angle, axis=1)], axis=1)
-    heading = pose[:, 2:] + bend + np.pi  # a link's x axis runs towards the tail
-    axis = np.stack([np.cos(heading), np.sin(heading)], axis=2)
+    bend = np.concatenate([np.full((len(pose), 1), np.pi), joint_angle], axis=1).cumsum(axis=1)
+    axis = np.stack([np.cos(bend), np.sin(bend)], axis=2)  # a link's x axis runs towards the tail
     length = np.array([link.length for link in fish.links])
-    reach = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
-    place = np.zeros((len(pose), len(length), 3))
-    place[..., :2] = pose[:, None, :2]
-    place[:, 1:, :2] += reach
-    turn = np.zeros((len(pose), len(length), 4))
-    turn[..., 2], turn[..., 3] = np.sin(0.5 * heading), np.cos(0.5 * heading)
-    return place, turn
-
-
-def _in_space(
-    pose: FloatArray, attitude: FloatArray, place: FloatArray, turn: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return places and quaternions in the world of those in the frame of the head: yaw, then pitch, then roll."""
-    head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], attitude[:, 1], attitude[:, 0]]))
-    nose = np.column_stack([pose[:, :2], attitude[:, 2]])
-    every = Rotation.from_quat(np.repeat(head.as_quat(), place.shape[1], axis=0))
-    turned = (every * Rotation.from_quat(turn.reshape(-1, 4))).as_quat()
-    return nose[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turned.reshape(turn.shape)
+    place = np.zeros((*bend.shape, 3))
+    place[:, 1:, :2] = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
+    roll, pitch, heave = np.zeros((3, len(pose))) if attitude is None else attitude.T
+    head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], pitch, roll])).as_quat()
+    every = Rotation.from_quat(np.repeat(head, bend.shape[1], axis=0))
+    turn = (every * Rotation.from_euler("Z", bend.reshape(-1, 1))).as_quat()
+    nose = np.column_stack([pose[:, :2], heave])
+    return nose[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turn.reshape(*bend.shape, 4)

@@ -87,7 +87,18 @@ def _view(root: str, curve: MeasuredCurve) -> rrb.Spatial2DView:
 def _log(recording: rr.RecordingStream, root: str, curve: MeasuredCurve) -> None:
     width, height = FRAME
     box = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height], [0.0, 0.0]]
-    recording.log(f"{root}/frame", _lines([np.array(box), *_marks(curve)], _FAINT, (0.6,)), static=True)
+    told, below, left = _labelled(curve)
+    upright, level = np.array([[0.0, -_MARK], [0.0, _MARK]]), np.array([[-_MARK, 0.0], [_MARK, 0.0]])
+    marks = [*(point + upright for point in below), *(point + level for point in left)]
+    recording.log(f"{root}/frame", _lines([np.array(box), *marks], _FAINT, (0.6,)), static=True)
+    labels = rr.Points2D(  # the viewer writes them below their points
+        np.concatenate([below, left - [_ASIDE, 0.5 * _ASIDE]]),
+        labels=told,
+        show_labels=True,
+        colors=[_INK],
+        radii=rr.Radius.ui_points(0.1),
+    )
+    recording.log(f"{root}/labels", labels, static=True)
     nominal = placed_in_frame(curve, np.array(curve.x.values), np.array(curve.nominal))
     recording.log(f"{root}/nominal", _lines([nominal], _NOMINAL, (1.2,)), static=True)
     for name, seen, colour in (("beyond", False, _BEYOND), ("seen", True, _SEEN)):
@@ -100,46 +111,22 @@ def _log(recording: rr.RecordingStream, root: str, curve: MeasuredCurve) -> None
         if strips:
             radii = (2.0 if seen else 1.2, 0.6, 0.6) * (len(strips) // 3)
             recording.log(f"{root}/{name}", _lines(strips, colour, radii), static=True)
-    _labels(recording, root, curve)
 
 
 def _lines(strips: Sequence[FloatArray], colour: tuple[int, int, int, int], radii: Sequence[float]) -> rr.LineStrips2D:
     return rr.LineStrips2D(strips, colors=[colour], radii=rr.Radius.ui_points(np.array(radii)))
 
 
-def _marked(curve: MeasuredCurve) -> tuple[FloatArray, FloatArray]:
-    """Return the x, ends of the visited range and of the curve, and the y, round numbers, that have labels."""
-    seen = list(curve.seen or ())
-    ends = [x for x in (curve.x.values[0], curve.x.values[-1]) if not _near(curve, x, seen)]
-    return np.array([*seen, *ends]), _rounded(*span(curve))
+def _labelled(curve: MeasuredCurve) -> tuple[list[str], FloatArray, FloatArray]:
+    """Return labels of x and y, and where those of x (n, 2) and y (m, 2) stand on the lower and left side of the frame.
 
-
-def _on_frame(curve: MeasuredCurve) -> tuple[FloatArray, FloatArray]:
-    """Return where the labelled x (n, 2) and y (m, 2) stand on the lower and left side of the frame."""
-    x, y = _marked(curve)
-    low, first = span(curve)[0], curve.x.values[0]
-    return placed_in_frame(curve, x, np.full(len(x), low)), placed_in_frame(curve, np.full(len(y), first), y)
-
-
-def _marks(curve: MeasuredCurve) -> list[FloatArray]:
-    """Return short lines across the frame at what is labelled."""
-    below, left = _on_frame(curve)
-    upright, level = np.array([[0.0, -_MARK], [0.0, _MARK]]), np.array([[-_MARK, 0.0], [_MARK, 0.0]])
-    return [*(point + upright for point in below), *(point + level for point in left)]
-
-
-def _labels(recording: rr.RecordingStream, root: str, curve: MeasuredCurve) -> None:
-    """Log the numbers at the marks; the viewer writes them below their points."""
-    x, y = _marked(curve)
-    below, left = _on_frame(curve)
-    points = rr.Points2D(
-        np.concatenate([below, left - [_ASIDE, 0.5 * _ASIDE]]),
-        labels=[number(value, 2) for value in (*x, *y)],
-        show_labels=True,
-        colors=[_INK],
-        radii=rr.Radius.ui_points(0.1),
-    )
-    recording.log(f"{root}/labels", points, static=True)
+    They are the ends of the visited range and of the curve, and round numbers.
+    """
+    seen, first, (low, high) = list(curve.seen or ()), curve.x.values[0], span(curve)
+    x = np.array([*seen, *(end for end in (first, curve.x.values[-1]) if not _near(curve, end, seen))])
+    y = _rounded(low, high)
+    below = placed_in_frame(curve, x, np.full(len(x), low))
+    return [number(value, 2) for value in (*x, *y)], below, placed_in_frame(curve, np.full(len(y), first), y)
 
 
 def _near(curve: MeasuredCurve, x: float, others: Sequence[float]) -> bool:

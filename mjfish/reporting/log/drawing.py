@@ -48,7 +48,7 @@ class Figure:
         ghost: whether its joints are those of the command, because nobody measured them.
         time: (n,) increasing [s].
         path: (n, 3) of the nose [m].
-        meshes: one a link; empty where the shape is not known.
+        meshes: one a link.
         place: (n, links, 3) of the links' frames [m].
         turn: (n, links, 4) quaternions x, y, z, w of them.
         arrows: by kind of force, where each begins (n, links, 3) and how far it reaches (n, links, 3) [m].
@@ -73,8 +73,8 @@ class Figure:
         return red, green, blue, GHOST if self.ghost else alpha
 
     def middle(self) -> FloatArray:
-        """Return the middle of the body (n, 3) [m], of the nose where there is no body."""
-        return np.asarray(self.place.mean(axis=1)) if self.meshes else self.path
+        """Return the middle of the body (n, 3) [m]."""
+        return np.asarray(self.place.mean(axis=1))
 
     def at(self, time: FloatArray) -> Figure:
         """Return the figure at other times (m,), linear between its samples and at rest beyond them."""
@@ -100,7 +100,7 @@ class Figure:
         def shifted(points: FloatArray) -> FloatArray:
             return np.asarray(turned.apply((points - origin).reshape(-1, 3)).reshape(points.shape) + to)
 
-        quaternions = (turned * Rotation.from_quat(self.turn.reshape(-1, 4))).as_quat() if self.meshes else self.turn
+        quaternions = (turned * Rotation.from_quat(self.turn.reshape(-1, 4))).as_quat()
         arrows = {
             kind: (shifted(begin), turned.apply(reach.reshape(-1, 3)).reshape(reach.shape))
             for kind, (begin, reach) in self.arrows.items()
@@ -129,7 +129,7 @@ class Drawing:
         source: of the dataset or the fish.
         held_out: whether nothing was fitted to it; None for a simulation.
         length: of the fish [m].
-        figures: one a swimmer.
+        figures: one a swimmer, the measured one first if there is one.
         scale: length of an arrow of 1 N [m/N].
     """
 
@@ -150,20 +150,16 @@ def drawn(run: Run, scale: float, source: str = "") -> Drawing:
 
 
 def _figure(run: Run, swim: Swim, meshes: tuple[Mesh, ...], scale: float) -> Figure:
-    count, links = len(swim.time), len(meshes)
+    place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
     arrows: dict[str, tuple[FloatArray, FloatArray]] = {}
-    if swim.joint_angle is None:
-        place, turn, meshes = np.zeros((count, 0, 3)), np.zeros((count, 0, 4)), ()
-    else:
-        place, turn = link_poses(run.fish, swim.pose, swim.joint_angle, swim.attitude)
-    for kind in FORCES if swim.forces is not None and swim.joint_angle is not None else ():
-        wrench: FloatArray = getattr(swim.forces, kind)
-        if np.any(wrench):
-            origins, vectors = np.zeros((2, count, links, 3))
-            assert swim.forces is not None  # noqa: S101 - checked above
-            origins[..., :2] = swim.forces.point(wrench)
-            vectors[..., :2] = scale * wrench[..., :2]
-            arrows[kind] = origins, vectors
+    if (forces := swim.forces) is not None:
+        for kind in FORCES:
+            wrench: FloatArray = getattr(forces, kind)
+            if np.any(wrench):
+                origins, vectors = np.zeros((2, *place.shape))
+                origins[..., :2] = forces.point(wrench)
+                vectors[..., :2] = scale * wrench[..., :2]
+                arrows[kind] = origins, vectors
     words, error = swim.words or swim.swimmer, run.error(swim.swimmer)
     return Figure(swim.swimmer, words, swim.ghost, swim.time, swim.nose, meshes, place, turn, arrows, error)
 
@@ -201,10 +197,7 @@ def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
         figures: that are kept in view.
         time: (n,) increasing [s].
     """
-    middles = [
-        np.column_stack([np.interp(time, figure.time, column) for column in figure.middle().T]) for figure in figures
-    ]
-    middle = np.mean(middles, axis=0)
+    middle = np.mean([figure.at(time).middle() for figure in figures], axis=0)
     if len(time) < 2:
         return np.asarray(middle)
     step = float(np.median(np.diff(time)))

@@ -26,7 +26,7 @@ def events_of(trial: Trial, held_out: bool, swims: Sequence[Swim]) -> tuple[Even
     Args:
         trial: what was measured.
         held_out: whether nothing was fitted to it.
-        swims: measured and simulated; the joints of a `ghost` are those of the command.
+        swims: measured, then simulated; the joints of a `ghost` are those of the command.
     """
     found = [_start(trial, held_out), *_drive(trial), *_gaps(trial), *_short(swims), *_ends(swims)]
     return tuple(sorted(found, key=lambda event: event[0]))
@@ -57,13 +57,9 @@ def _gaps(trial: Trial) -> Iterator[Event]:
 
 def _short(swims: Sequence[Swim]) -> Iterator[Event]:
     """Yield, for each joint of each simulated fish, when it is first far off its command."""
-    command = next((swim for swim in swims if swim.ghost), None)
-    if command is None or command.joint_angle is None:
-        return
-    for swim in swims:
-        if swim is command or swim.joint_angle is None:
-            continue
-        asked = command.joint_angle[: len(swim.time)]
+    first, *others = swims
+    for swim in others if first.ghost else ():
+        asked = first.joint_angle[: len(swim.time)]
         limit = _OFF * float(np.abs(asked).max(initial=0.0))
         for joint, off in enumerate(np.abs(swim.joint_angle - asked).T, start=1):
             if limit > 0.0 and np.any(off > limit):

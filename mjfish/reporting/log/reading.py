@@ -38,7 +38,7 @@ def read_log(path: Path) -> list[Drawing]:
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: cannot be read as a log: {error}; give one that mjfish wrote") from None
     drawings = [_drawing(found, root) for root, values in sorted(found.items()) if "arrow_scale" in values]
-    if not any(figure.meshes for drawing in drawings for figure in drawing.figures):
+    if not drawings:
         raise InputError(f"{path}: no fish swims in it, expected a log of this version of mjfish; write it anew")
     return drawings
 
@@ -66,13 +66,9 @@ def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) 
         for body in bodies
     )
     path = np.array(_all(found[f"{world}/path"], "LineStrips3D:strips")[0], dtype=np.float64)
-    if bodies:
-        moves = [_over_time(body, "Transform3D:translation") for body in bodies]
-        time, place = moves[0][0], np.stack([values[:, 0] for _, values in moves], axis=1)
-        turn = np.stack([_over_time(body, "Transform3D:quaternion")[1][:, 0] for body in bodies], axis=1)
-    else:
-        time, _ = _over_time(found[f"{world}/nose"], "Points3D:positions")
-        place, turn = np.zeros((len(time), 0, 3)), np.zeros((len(time), 0, 4))
+    moves = [_over_time(body, "Transform3D:translation") for body in bodies]
+    time, place = moves[0][0], np.stack([values[:, 0] for _, values in moves], axis=1)
+    turn = np.stack([_over_time(body, "Transform3D:quaternion")[1][:, 0] for body in bodies], axis=1)
     arrows = {}
     for kind in FORCES:
         if (entity := f"{world}/force/{kind}") in found:

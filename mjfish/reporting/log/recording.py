@@ -38,6 +38,7 @@ from mjfish.reporting.log.scene import Run
 
 #: Of a fish that is free in space, and their units.
 ATTITUDE = {"roll": "rad", "pitch": "rad", "heave": "m"}
+_CHANNELS = {channel: channel.replace("_", " ") for channel in CHANNELS}
 
 
 def blueprint(
@@ -57,35 +58,34 @@ def blueprint(
 
 
 def _tab(run: Run, drawing: Drawing) -> rrb.Horizontal:
-    root = "/" + rr.escape_entity_path_part(run.name)
-    others = [_joints(root, run)]
+    root, far = "/" + rr.escape_entity_path_part(run.name), _far(run, drawing)
+    joints = {f"joint_{k + 1}": f"joint {k + 1} [rad]" for k in range(run.fish.joints)}
+    beat = {} if run.phase is None else {"phase": "phase of the beat [-]"}
+    others = [_plots(f"{root}/joints", {**joints, **beat}, "Joints")]
     if run.residuals():
-        others.insert(0, _curves(f"{root}/residual", " residual", name="Residuals"))
+        titles = {channel: f"{title} residual [{UNITS[channel]}]" for channel, title in _CHANNELS.items()}
+        others.insert(0, _plots(f"{root}/residual", titles, "Residuals"))
     if any(swim.attitude is not None for swim in run.swims):
-        others.insert(0, _curves(f"{root}/attitude", "", ATTITUDE, name="Attitude"))
+        titles = {channel: f"{channel} [{unit}]" for channel, unit in ATTITUDE.items()}
+        others.insert(0, _plots(f"{root}/attitude", titles, "Attitude"))
     said = [rrb.TextDocumentView(origin="/about", name="About")]
     if run.events:
         said.append(rrb.TextLogView(origin=f"{root}/events", name="Events"))
-    above = _view(root, "From above", (0.0, 0.0, 1.9 * _far(run, drawing)), (0.0, 1.0, 0.0))  # x to the right
-    swimming = rrb.Tabs(_swimming(root, run, drawing), above, active_tab=0)
+    # From aside and above at the camera's point, so far off that every fish is in view at all times; x to the right.
+    aside = _view(root, "Swimming", (-0.35 * far, -1.15 * far, 1.15 * far), (0.0, 0.0, 1.0))
+    above = _view(root, "From above", (0.0, 0.0, 1.9 * far), (0.0, 1.0, 0.0))
     return rrb.Horizontal(
-        rrb.Vertical(swimming, rrb.Tabs(*said, active_tab=0), row_shares=[4, 1]),
-        _curves(f"{root}/velocity", ""),
+        rrb.Vertical(rrb.Tabs(aside, above, active_tab=0), rrb.Tabs(*said, active_tab=0), row_shares=[4, 1]),
+        _plots(f"{root}/velocity", {channel: f"{title} [{UNITS[channel]}]" for channel, title in _CHANNELS.items()}),
         rrb.Tabs(*others, active_tab=0),
         column_shares=[5, 4, 4],
         name=f"{run.name}{' (held out)' if run.held_out else ''}",
     )
 
 
-def _swimming(root: str, run: Run, drawing: Drawing) -> rrb.Spatial3DView:
-    """Look from aside and above at the camera's point, from so far that every fish is in view at all times."""
-    far = _far(run, drawing)
-    return _view(root, "Swimming", (-0.35 * far, -1.15 * far, 1.15 * far), (0.0, 0.0, 1.0))
-
-
 def _far(run: Run, drawing: Drawing) -> float:
     """Return a length of the fish, or more where the fish of a run part from each other [m]."""
-    time = run.followed().time
+    time = run.swims[-1].time
     return max(drawing.length, _IN_VIEW * reach(drawing.figures, camera_path(drawing.figures, time), time))
 
 
@@ -104,35 +104,17 @@ def _view(
     )
 
 
-def _joints(root: str, run: Run) -> rrb.Vertical:
-    """Return one plot a joint, commanded and realised angles, and the phase of the beat below."""
-    plots = {f"joint_{k + 1}": f"joint {k + 1} [rad]" for k in range(run.fish.joints)}
-    if run.phase is not None:
-        plots["phase"] = "phase of the beat [-]"
-    views = [
+def _plots(root: str, titles: Mapping[str, str], name: str | None = None) -> rrb.Vertical:
+    """Return one plot an entity below `root`; that of the first channel or joint has the legend."""
+    views = (
         rrb.TimeSeriesView(
-            origin=f"{root}/joints/{entity}",
-            name=name,
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=entity == "joint_1"),
+            origin=f"{root}/{entity}",
+            name=title,
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=entity in (CHANNELS[0], "joint_1")),
         )
-        for entity, name in plots.items()
-    ]
-    return rrb.Vertical(*views, name="Joints")
-
-
-def _curves(root: str, kind: str, units: Mapping[str, str] = UNITS, name: str | None = None) -> rrb.Vertical:
-    """Return one plot a channel; the first has the legend."""
-    return rrb.Vertical(
-        *(
-            rrb.TimeSeriesView(
-                origin=f"{root}/{channel}",
-                name=f"{channel.replace('_', ' ')}{kind} [{unit}]",
-                plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=channel == CHANNELS[0]),
-            )
-            for channel, unit in units.items()
-        ),
-        name=name,
+        for entity, title in titles.items()
     )
+    return rrb.Vertical(*views, name=name)
 
 
 APPLICATION = "mjfish"
@@ -150,7 +132,7 @@ _SPACING, _MARGIN = 0.5, 3.0
 
 
 def write_runs(
-    path: Path, runs: Sequence[Run], *, name: str = "", about: str = "", mechanisms: Sequence[NamedMechanism] = ()
+    path: Path, runs: Sequence[Run], *, name: str, about: str, mechanisms: Sequence[NamedMechanism] = ()
 ) -> None:
     """Write runs to an .rrd file, with a blueprint that shows them one a tab, the first in front.
 
@@ -165,7 +147,7 @@ def write_runs(
     Args:
         path: of the file; one that is there is replaced.
         runs: at least one.
-        name: of the recording; else that of its first run.
+        name: of the recording.
         about: Markdown shown beside the swimming.
         mechanisms: whose curves are shown in a tab of their own.
 
@@ -176,7 +158,7 @@ def write_runs(
     if not names or len(set(names)) < len(names):
         raise InputError(f"{path}: a log needs runs with names of their own, found {names}")
     with whole(path) as partial:
-        _record(partial, runs, name or runs[0].name, about, mechanisms)
+        _record(partial, runs, name, about, mechanisms)
 
 
 def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: Sequence[NamedMechanism]) -> None:
@@ -193,7 +175,7 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
         _about(recording, root, drawing)
         _water(recording, f"{root}/world", run, drawing)
         for figure in drawing.figures:
-            _figure(recording, f"{root}/world/{figure.swimmer}", figure, drawing.length)
+            _figure(recording, f"{root}/world/{figure.swimmer}", figure)
         for swim in run.swims:
             _series(recording, f"{root}/velocity", swim.swimmer, swim.time, swim.velocity)
             if swim.attitude is not None:
@@ -217,7 +199,7 @@ def _drive(recording: rr.RecordingStream, root: str, run: Run) -> None:
     if run.command is not None:
         _series(recording, f"{root}/joints", "command", time, run.command, names)
     for swim in run.swims:
-        if swim.joint_angle is not None and not swim.ghost:
+        if not swim.ghost:
             _series(recording, f"{root}/joints", swim.swimmer, swim.time, swim.joint_angle, names)
     if run.phase is not None:
         turns = np.mod(run.phase / (2.0 * np.pi), 1.0)[:, None]
@@ -230,17 +212,16 @@ def _drive(recording: rr.RecordingStream, root: str, run: Run) -> None:
 
 def _beats(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing) -> None:
     """Log the paths of the simulated noses, begun anew on the measured one at every beat."""
-    measured = next((figure for figure in drawing.figures if figure.swimmer == "measured"), None)
-    if run.phase is None or measured is None or not measured.meshes:
+    if run.phase is None:
         return
     turns = np.maximum.accumulate(np.floor(np.abs(run.phase - run.phase[0]) / (2.0 * np.pi)))
     starts = run.swims[0].time[np.flatnonzero(np.diff(turns, prepend=-1.0) > 0.0)]
-    for figure in drawing.figures:
-        if figure is not measured and figure.meshes:
-            pieces = rr.LineStrips3D(
-                beat_paths(figure, measured, starts), colors=[COLOURS[figure.swimmer]], radii=rr.Radius.ui_points(0.6)
-            )
-            recording.log(f"{root}/{figure.swimmer}/beats", pieces, static=True)
+    measured, *others = drawing.figures
+    for figure in others:
+        pieces = rr.LineStrips3D(
+            beat_paths(figure, measured, starts), colors=[COLOURS[figure.swimmer]], radii=rr.Radius.ui_points(0.6)
+        )
+        recording.log(f"{root}/{figure.swimmer}/beats", pieces, static=True)
 
 
 def _about(recording: rr.RecordingStream, root: str, drawing: Drawing) -> None:
@@ -259,20 +240,16 @@ def _water(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing)
     recording.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     floor = rr.LineStrips3D(floor_lines(drawing), colors=[FLOOR], radii=rr.Radius.ui_points(0.6))
     recording.log(f"{root}/floor", floor, static=True)
-    time = run.followed().time
+    time = run.swims[-1].time
     at = [rr.TimeColumn(TIMELINE, duration=time)]
     seen = rr.Transform3D.columns(translation=camera_path(drawing.figures, time))
     recording.send_columns(f"{root}/camera", at, seen)
 
 
-def _figure(recording: rr.RecordingStream, root: str, figure: Figure, length: float) -> None:
-    """Log the body (or the nose alone), the path of the nose and the arrows of the forces."""
-    colour = COLOURS[figure.swimmer]
-    path = rr.LineStrips3D([figure.path], colors=[colour], radii=rr.Radius.ui_points(1.2))
+def _figure(recording: rr.RecordingStream, root: str, figure: Figure) -> None:
+    """Log the body, the path of the nose and the arrows of the forces."""
+    path = rr.LineStrips3D([figure.path], colors=[COLOURS[figure.swimmer]], radii=rr.Radius.ui_points(1.2))
     recording.log(f"{root}/path", path, static=True)
-    if not figure.meshes:
-        point = rr.Points3D.from_fields(colors=[colour], radii=[0.02 * length])
-        _columns(recording, f"{root}/nose", point, figure.time, rr.Points3D.columns(positions=figure.path))
     for k, mesh in enumerate(figure.meshes):
         body = rr.Mesh3D(
             vertex_positions=mesh.vertices,

@@ -67,11 +67,8 @@ def _(result: Identification, path: Path) -> None:
     model, runs = result.problem.model, []
     values = model.values({**result.problem.fixed, **result.fit.values})
     for residual in sorted(result.assessment.residuals, key=lambda residual: residual.role == "fit"):
-        swims = (
-            _measured(residual.trial, model),
-            simulated("nominal", model, values, residual.trial, residual.predicted),
-        )
-        runs.append(_compared(residual.trial, model.fish, swims, residual.role == "held_out"))
+        nominal = simulated("nominal", model, values, residual.trial, residual.predicted)
+        runs.append(_compared(residual.trial, model.fish, [nominal], residual.role == "held_out"))
     about = ["Measured grey, fitted model orange. Forces of the water: drag red, added mass blue.", drift(runs)]
     write_runs(path, runs, name=result.dataset.name, about="\n\n".join(about))
 
@@ -80,21 +77,29 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
     """Return a trial with its measured and simulated swims."""
     trial = overlay.trial
     values = {name: estimate.estimate for name, estimate in diagnosis.nominal.items()}
-    nominal = simulated("nominal", diagnosis.nominal_model, values, trial, overlay.nominal)
-    swims: tuple[Swim, ...] = (_measured(trial, diagnosis.nominal_model), nominal)
+    swims = [simulated("nominal", diagnosis.nominal_model, values, trial, overlay.nominal)]
     if diagnosis.best:  # then the arrows are drawn on the extended model alone
         values = {name: estimate.estimate for name, estimate in diagnosis.extended.items()}
         extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
         words = f"with {' and '.join(diagnosis.best)}"
-        swims = (swims[0], replace(nominal, forces=None), replace(extended, words=words))
+        swims = [replace(swims[0], forces=None), replace(extended, words=words)]
     return _compared(trial, diagnosis.nominal_model.fish, swims, overlay.held_out)
 
 
-def _compared(trial: Trial, fish: Fish, swims: tuple[Swim, ...], held_out: bool) -> Run:
-    """Return a measured trial and who simulated it, with its command, the phase of its beat and its events."""
+def _compared(trial: Trial, fish: Fish, simulated: Sequence[Swim], held_out: bool) -> Run:
+    """Return a measured trial and who simulated it, with its command, the phase of its beat and its events.
+
+    The joints of the measured fish are those of the command where nobody measured them.
+    """
     motion = requested_motion(fish.cpg, trial, STEP)
-    command = None if trial.joints_measured else motion.angle_at(np.minimum(trial.time, motion.time[-1]))
+    asked = motion.angle_at(np.minimum(trial.time, motion.time[-1]))
+    pose, angle = trial.pose, asked if trial.joint_angle is None else trial.joint_angle
+    if pose is None or not np.all(np.isfinite(pose)):
+        pose = travelled(trial.time, trial.velocity, _start(trial))
+    measured = Swim("measured", trial.time, trial.velocity, pose, angle, ghost=not trial.joints_measured)
+    swims = (measured, *simulated)
     phase, events = beat_phase(fish.cpg, trial), events_of(trial, held_out, swims)
+    command = None if trial.joints_measured else asked
     return Run(trial.name, fish, swims, held_out, command=command, phase=phase, events=events)
 
 
@@ -115,18 +120,6 @@ def drift(runs: Sequence[Run]) -> str:
 
 def _start(trial: Trial) -> FloatArray:
     return np.zeros(3) if trial.pose is None else np.nan_to_num(trial.pose[0])
-
-
-def _measured(trial: Trial, model: Model) -> Swim:
-    """Return the measured swim; its joints are those of the command where nobody measured them."""
-    pose = trial.pose
-    if pose is None or not np.all(np.isfinite(pose)):
-        pose = travelled(trial.time, trial.velocity, _start(trial))
-    angle, ghost = trial.joint_angle, not trial.joints_measured
-    if angle is None:
-        motion = requested_motion(model.fish.cpg, trial, STEP)
-        angle = motion.angle_at(np.minimum(trial.time, motion.time[-1]))
-    return Swim("measured", trial.time, trial.velocity, pose, angle, ghost=ghost)
 
 
 def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial: Trial, velocity: FloatArray) -> Swim:

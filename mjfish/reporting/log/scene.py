@@ -26,7 +26,7 @@ class Swim:
         time: (n,) increasing [s].
         velocity: (n, 3) surge, sway [m/s], yaw rate [rad/s].
         pose: (n, 3) x, y [m], yaw [rad] of the nose.
-        joint_angle: (n, joints) [rad]; None: nobody knows the shape, and only the nose is drawn.
+        joint_angle: (n, joints) [rad].
         ghost: whether the angles are those of the command, because nobody measured them.
         words: what it is, for legends; empty: its swimmer.
         forces: on the links at the same instants, or None.
@@ -37,7 +37,7 @@ class Swim:
     time: FloatArray
     velocity: FloatArray
     pose: FloatArray
-    joint_angle: FloatArray | None = None
+    joint_angle: FloatArray
     forces: LinkForces | None = None
     attitude: FloatArray | None = None
     ghost: bool = False
@@ -57,7 +57,7 @@ class Run:
     Attributes:
         name: of the trial.
         fish: its body.
-        swims: one a swimmer, those of one run on the same samples.
+        swims: one a swimmer, the measured one first if there is one and the best model last, on the same samples.
         held_out: whether nothing was fitted to it.
         band: of other fish in the same run, if any.
         command: (n, joints) what the joints were told [rad], at the samples of the first swim; None: not known.
@@ -74,21 +74,12 @@ class Run:
     phase: FloatArray | None = None
     events: tuple[tuple[float, str], ...] = ()
 
-    def followed(self) -> Swim:
-        """Return the swim that the camera follows: one with a body, the best simulated first."""
-        order = ("extended", "simulated", "nominal", "measured")
-        return min(self.swims, key=lambda swim: (swim.joint_angle is None, order.index(swim.swimmer)))
-
     def residuals(self) -> dict[Swimmer, tuple[FloatArray, FloatArray]]:
         """Return time (n,) and measured - simulated velocity (n, 3) of every simulated swim."""
-        measured = next((swim for swim in self.swims if swim.swimmer == "measured"), None)
-        if measured is None:
+        first, *others = self.swims
+        if first.swimmer != "measured":
             return {}
-        return {
-            swim.swimmer: (swim.time, measured.velocity[: len(swim.time)] - swim.velocity)
-            for swim in self.swims
-            if swim is not measured
-        }
+        return {swim.swimmer: (swim.time, first.velocity[: len(swim.time)] - swim.velocity) for swim in others}
 
     def error(self, swimmer: Swimmer) -> float | None:
         """Return the root mean square of a residual over the range of the measurement, the mean of the channels.
@@ -96,11 +87,10 @@ class Run:
         None where there is nothing to compare: the measured fish itself, or one on its own.
         """
         found = self.residuals().get(swimmer)
-        measured = next((swim for swim in self.swims if swim.swimmer == "measured"), None)
-        if found is None or measured is None:
+        if found is None:
             return None
         rms = np.sqrt(np.mean(found[1] ** 2, axis=0))
-        spread = np.ptp(measured.velocity, axis=0)
+        spread = np.ptp(self.swims[0].velocity, axis=0)
         there = np.isfinite(rms) & (spread > 0.0)
         return float(np.mean(rms[there] / spread[there])) if np.any(there) else None
 
