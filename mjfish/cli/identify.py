@@ -115,11 +115,12 @@ def _write(
     from mjfish.files.plain_data import plain
 
     assessment = result.assessment
-    content = {**result.to_dict(), "profiles": plain(profiles)}
-    rows = coefficient_rows(result.fit, None if assessment is None else assessment.intervals)
+    intervals = None if assessment is None else assessment.intervals
     written: list[Path] = []
     console.write(
-        written, (json_, lambda path: write_json(path, content)), (table, lambda path: write_rows(path, rows))
+        written,
+        (json_, lambda path: write_json(path, {**result.to_dict(), "profiles": plain(profiles)})),
+        (table, lambda path: write_rows(path, coefficient_rows(result.fit, intervals))),
     )
     if figures is not None and assessment is not None:
         from mjfish.reporting.html.identification import write_identification_figures

@@ -113,14 +113,14 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     single = _singles(refits, goodness, held_out)
     if table.blocks:  # whatever else is found, no verdict is given
         return Compared(replace(table, single=single), refits)
-    clear = {row.mechanisms[0] for row in single.retained(clean=False) if row.clean() or row.leaves_little()}
-    learned = refit_learned_forms(screening.evidence, begun.learnable, clear, screening.refits)
+    settled = {row.mechanisms[0] for row in single.settled()}
+    learned = refit_learned_forms(screening.evidence, begun.learnable, settled, screening.refits)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}
         refits |= _caught_up(refits)
         learned = {name: refits[name,] for name in learned}
         single = _singles(refits, goodness, held_out)
-    if not (single.retained(clean=True) or single.exhausted()):
+    if not single.settled():
         leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)
         lower = [refit for refit in followed(lowest, leaders[:_LEADERS]) if refit.gain > refits[refit.names].gain]
         if lower:

@@ -91,19 +91,20 @@ def form_in_words(formulas: Sequence[str], *, claimed: bool = False) -> str:
 
 
 def refit_learned_forms(
-    evidence: Evidence, learned: Sequence[Effect], clear: Iterable[str], refits: Mapping[str, Refit]
+    evidence: Evidence, learned: Sequence[Effect], settled: Iterable[str], refits: Mapping[str, Refit]
 ) -> dict[str, Refit]:
     """Fit the learned forms of mechanisms that are promising together with the coefficients, by name of the cause.
 
     Args:
         evidence: of the nominal model.
         learned: causes of learned form.
-        clear: mechanisms of which a formula leaves nothing: their learned forms are fitted, and those near them.
+        settled: mechanisms of which a formula leaves nothing, or next to nothing: their learned forms are fitted, and
+            those near them.
         refits: of formulas, by name.
     """
     if not learned:
         return {}
-    known = set(clear)
+    known = set(settled)
     share = _NEAR if known else _PROMISING
     scored = gather(evidence.problem, evidence.fit, learned)
     times = _TIMES if known else np.inf

@@ -344,15 +344,10 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
     best = begun(start)
     if best.lost:  # with the cause, the motion may run away at coefficients that a large misfit has bent
         best = begun(problem.start({p.name: problem.named(start)[p.name] for p in effect.parameters}))
-    if effect.learned and not effect.smooth and best.sse > _MISFIT * best.count:  # it has several minima
-        starts = [problem.start(values) for values in _like(effect, formulas)]
+    if best.sse > _MISFIT * best.count:  # there may be a lower minimum
+        starts = _other_starts(evidence, problem, effect, formulas)
         tried = [fit_or_raise(problem, x, tolerance=TOLERANCE, evaluations=COARSE[True]) for x in starts]
         best = min([best, *tried], key=lambda each: each.objective)
-    if far_off(evidence.fit) and best.sse > _MISFIT * best.count and not effect.learned:
-        declared = _declared_start(evidence, problem, effect)
-        if declared is not None:
-            other = fit_or_raise(problem, declared, tolerance=TOLERANCE, evaluations=_TRY)
-            best = min(best, other, key=lambda each: each.objective)
     return Refit(problem.causes, problem, best, gained + evidence.fit.sse - best.sse)
 
 
@@ -627,9 +622,7 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     found = [
         {p.name: p.default + multiple * (one_step[p.name] - p.default) for p in amplitudes} for multiple in _MULTIPLES
     ]
-    for multiple in _MULTIPLES:
-        signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
-        found.append({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes})
+    found += _multiples_of_scale(effect, one_step, _MULTIPLES)
     if not effect.smooth:  # an optimum in another minimum is out of a fit's reach
         null = {p.name: p.default for p in amplitudes}
         found += [{**null, p.name: p.default + share * p.scale} for p in amplitudes for share in _GRID]
@@ -638,22 +631,35 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     return [_inside(effect, guess) for guess in found]
 
 
-def _declared_start(evidence: Evidence, problem: Problem, effect: Effect) -> FloatArray | None:
-    """Return the start (p,) at the declared coefficients whose size of the effect leaves least there; None: it is null.
+def _other_starts(evidence: Evidence, problem: Problem, effect: Effect, formulas: Sequence[Refit]) -> list[FloatArray]:
+    """Return starts (p,) of further fits, for a model that leaves more than noise after the first one.
 
-    Far from the truth a fit bends the coefficients, and beside these no size of the true cause explains anything.
+    A learned form that is not smooth at its null has several minima: it begins at each formula. A formula begins at the
+    declared coefficients where the model that it extends is far off: the fit of that one bends the coefficients, and
+    beside bent ones no size of the true cause explains anything. Its size is the one that leaves least there; if none
+    leaves less than the null, there is no such start.
 
     Args:
-        evidence, problem, effect: as of `best_start`.
+        evidence, problem, effect, formulas: as of `best_start`.
     """
+    if effect.learned:
+        return [] if effect.smooth else [problem.start(values) for values in _like(effect, formulas)]
+    if not far_off(evidence.fit):
+        return []
     causes = {p.name for cause in evidence.problem.causes for p in cause.parameters}
     kept = {name: value for name, value in evidence.fit.values.items() if name in causes}
-    one_step, amplitudes = evidence.first_guess(effect.name), effect.amplitudes()
-    signs = {p.name: -1.0 if one_step[p.name] < p.default else 1.0 for p in amplitudes}
-    sizes = ({p.name: p.default + multiple * signs[p.name] * p.scale for p in amplitudes} for multiple in _FAR_SIZES)
+    sizes = _multiples_of_scale(effect, evidence.first_guess(effect.name), _FAR_SIZES)
     starts = [problem.start(kept), *(problem.start({**kept, **_inside(effect, size)}) for size in sizes)]
-    least = int(np.argmin([np.sum(problem.rough.residual(x) ** 2) for x in starts]))
-    return starts[least] if least else None
+    least = int(np.argmin([np.sum(left**2) for left in map(problem.rough.residual, starts)]))
+    return [starts[least]] if least else []
+
+
+def _multiples_of_scale(
+    effect: Effect, one_step: Mapping[str, float], multiples: Sequence[float]
+) -> list[dict[str, float]]:
+    """Return amplitudes that are multiples of their scales off the null, to the side of the one-step estimate."""
+    sides = {p: -1.0 if one_step[p.name] < p.default else 1.0 for p in effect.amplitudes()}
+    return [{p.name: p.default + by * side * p.scale for p, side in sides.items()} for by in multiples]
 
 
 def _inside(effect: Effect, guess: Mapping[str, float]) -> dict[str, float]:

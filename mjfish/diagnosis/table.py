@@ -323,6 +323,10 @@ class Comparison:
             default=None,
         )
 
+    def settled(self) -> list[Row]:
+        """Return the retained sets that leave nothing systematic, or less than a larger set would have to explain."""
+        return [row for row in self.retained(clean=False) if row.clean() or row.leaves_little()]
+
     def exhausted(self) -> bool:
         """Return whether a set that stays leaves so little that no larger one can earn its members beside it."""
         return any(row.leaves_little() for row in self.retained(clean=False))

@@ -9,9 +9,6 @@ known before it,
 ([Kalman1960]; [Jones1980] on missing samples). The gains depend on the model alone and are made once; then residuals
 and sensitivities pass the same linear filter.
 
-[Kalman1960]; [Jones1980] on missing samples). The gains depend on the model alone and are made once; then residuals
-and sensitivities pass the same linear filter.
-
 [Kalman1960] R. E. Kalman, J. Basic Engineering 82. [Jones1980] R. H. Jones, Technometrics 22.
 """
 
