@@ -33,10 +33,11 @@ PARAMETERS = 18
 #: A row of a `LoadTable`: parameters; number of hidden states that a link works on, where they begin in the state, and
 #: how many further on those of the next link begin, 0 where all links share them; 0 where the force depends on the
 #: velocity only, 1 where it is stateful, 2 where it is stateful and exerts nothing (inactive); address of its gradient,
-#: 0 where it has none.
-AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, AT_GRADIENT, ROW = range(PARAMETERS, PARAMETERS + 6)
-#: Numbers of the motion of a link that a load may depend on: u, v, w, x, y, heading, bend.
-PLACES = 7
+#: 0 where it has none; the columns of a gradient that are taken by differences, as the bits of a whole number.
+AT_MEMORY, AT_FIRST, AT_STRIDE, AT_STATEFUL, AT_GRADIENT, AT_WANTED, ROW = range(PARAMETERS, PARAMETERS + 7)
+#: Numbers of the motion of a link that a load may depend on.
+MOTION = ("u", "v", "w", "x", "y", "heading", "bend")
+PLACES = len(MOTION)
 #: Columns of a gradient: the parameters, then the motion, then the hidden states.
 SLOPES = PARAMETERS + PLACES + MEMORY
 #: Most numbers that a load returns.
@@ -119,6 +120,11 @@ class Load:
     def stateful(self) -> bool:
         """Whether its force depends on more of the motion than the velocity of the link: on its place, or its past."""
         return self.memory > 0 or self.placed
+
+    @property
+    def moving(self) -> int:
+        """The columns of its gradient that belong to what it reads of the motion, as bits."""
+        return sum(1 << PARAMETERS + k for k, name in enumerate(MOTION) if name in self.fields)
 
     @functools.cached_property
     def reads(self) -> BoolArray:
@@ -290,6 +296,7 @@ def load_rows(
         row[AT_MEMORY], row[AT_FIRST], row[AT_STRIDE] = load_.memory, first, 0 if load_.shared else load_.memory
         row[AT_GRADIENT] = load_.gradient  # exact: addresses have fewer bits than the fraction of a float
         row[AT_STATEFUL] = (2.0 if load_ in inactive else 1.0) if load_.stateful else 0.0
+        row[AT_WANTED] = load_.moving
         first += memory_of([(load_, ())], links)
     return LoadTable(addresses, rows)
 
@@ -314,20 +321,8 @@ def _call(_typing: Any, _address: Any, _link: Any, _parameters: Any, _force: Any
 
 
 @merged
-def gradient_on(links: Any, link: int, address: Any, row: FloatArray, state: Any, out: FloatArray) -> None:
-    """Write the derivatives of one load on a link by its parameters, the motion and its hidden states.
-
-    Args:
-        links: `LINK` records.
-        link: index.
-        address: of the gradient.
-        row: of a `LoadTable`.
-        state: (STATES + hidden,) with the hidden states.
-        out: (ANSWER, SLOPES), written as far as the load answers.
-    """
-    called, first = links[link], int(row[AT_FIRST]) + link * int(row[AT_STRIDE])
-    for m in range(int(row[AT_MEMORY])):
-        called.memory[m] = state[first + m]
+def call(address: Any, links: Any, link: int, row: FloatArray, out: FloatArray) -> None:
+    """Call a load or its gradient on one link, with the memory that its record has; write its answer into `out`."""
     _call(
         address,
         np.uint64(links.ctypes.data + link * LINK_SIZE),
@@ -371,12 +366,7 @@ def loads_on(
         added = link > 0 and rows[k, AT_STRIDE] == 0.0
         for m in range(memory):
             called.memory[m] = buffers.state[first + m]
-        _call(
-            addresses[k],
-            np.uint64(links.ctypes.data + record * LINK_SIZE),
-            np.uint64(rows.ctypes.data + 8 * k * rows.shape[1]),
-            np.uint64(buffers.output.ctypes.data),
-        )
+        call(addresses[k], links, record, rows[k], buffers.output)
         for m in range(memory):
             buffers.rates[first + m] = buffers.output[3 + m] + (buffers.rates[first + m] if added else 0.0)
         fx += buffers.output[0]

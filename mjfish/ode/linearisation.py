@@ -52,7 +52,7 @@ class Linearisation(NamedTuple):
         by_state: (STATE, ROWS) responses to u, v, w, the deflection and its rate.
         solver: (SOLVER,), see `solve`.
         load_gradients: (n, loads, ANSWER, SLOPES) of the loads, as far as they are known, see `mjfish.hydro.load.load`.
-        output, load_rates, load_matrix: (ANSWER,), (STATES + memory,), (3, 3) scratch for loads.
+        output, answers, load_rates, load_matrix: (ANSWER,), (2, ANSWER), (STATES + memory,), (3, 3) scratch for loads.
     """
 
     links: Any
@@ -61,6 +61,7 @@ class Linearisation(NamedTuple):
     solver: FloatArray
     load_gradients: FloatArray
     output: FloatArray
+    answers: FloatArray
     load_rates: FloatArray
     load_matrix: FloatArray
 
@@ -68,7 +69,7 @@ class Linearisation(NamedTuple):
     def empty(cls, joints: int, states: int, loads: int) -> Linearisation:
         """Return room for a fish of so many joints, with so many states and loads."""
         gradients = (joints + 1, loads, ANSWER, SLOPES)
-        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, gradients, ANSWER, states, (3, 3))
+        shapes = ((joints, 4, ROWS), (STATE, ROWS), SOLVER, gradients, ANSWER, (2, ANSWER), states, (3, 3))
         return cls(np.zeros(joints + 1, dtype=LINK_MOTION), *(np.zeros(shape) for shape in shapes))
 
 
@@ -223,7 +224,7 @@ def _gather(system: System, state: FloatArray, all_joints: bool, velocity_only: 
             wz += load_z
         if damped:
             b = out.load_matrix
-            velocity_derivatives(links, i, loads, velocity_only, buffers, out.load_gradients[i], b)
+            velocity_derivatives(links, i, loads, velocity_only, state, out.answers, out.load_gradients[i], b)
             d = _sum(d, (b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2], b[2, 0], b[2, 1], b[2, 2]))
     _write_solver(m, flexible, out)
     for joint in range(0 if all_joints else (n - 2 if flexible else n - 1), n - 1):

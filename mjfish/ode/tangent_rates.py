@@ -22,18 +22,8 @@ from mjfish.hydro.load import (
     PLACES,
     SLOPES,
     LoadBuffers,
-    LoadTable,
-    gradient_on,
 )
-from mjfish.hydro.load_derivatives import (
-    AT_DIRECTION,
-    AT_PARAMETER,
-    AT_STEP,
-    LoadChanges,
-    parameter_derivative,
-    record_derivative,
-    stateful_derivatives,
-)
+from mjfish.hydro.load_derivatives import LoadChanges, gradient_on, loads_alone
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import merged, part
 from mjfish.ode.equation import STATES, Joints, System
@@ -43,7 +33,7 @@ from mjfish.ode.linearisation import LENGTH, Linearisation, joint_trigonometry, 
 #: mass, first, added_0, added_1, second: mass, first moment, A_0, A_1, inertia about the joint.
 #: munk, friction, crossflow, length: kappa, the factors of friction and of the drag across, the length.
 #: direction, link: which; outline, record: where in `LinkChanges.outlines` and `.records`, -1 where nowhere.
-#: step: how far the records are moved.
+#: step: how far the record is moved.
 LINK_CHANGE = np.dtype(
     [(name, "f8") for name in ("mass", "first", "added_0", "added_1", "second", "munk", "friction", "crossflow")]
     + [("length", "f8"), ("step", "f8")]
@@ -55,9 +45,9 @@ class LinkChanges(NamedTuple):
     """What directions change of the links.
 
     Attributes:
-        changes: (p,) `LINK_CHANGE` records.
+        changes: (p,) `LINK_CHANGE` records, link by link.
         outlines: (g,) `LINK` records of rates, of the outlines that change.
-        records: (2 r,) `LINK` records moved forward and back along their change, for loads.
+        records: (r,) `LINK` records moved along their change, for loads.
     """
 
     changes: Any
@@ -89,14 +79,14 @@ class TangentScratch(NamedTuple):
 
     Attributes:
         linear: of the equation of motion.
-        left_rates: (STATES + memory,) of the hidden states of loads.
+        load_rates: (STATES + memory,) of the hidden states of loads.
         link_tangents: (links, PLACES, k) of u, v, w, x, y, heading, bend of the links; k = 0 where no load is stateful.
-        wrench: (4, k) at the nose, and torque of the tail.
+        wrench: (7, k) at the nose, torque of the tail, and wrench on one link.
         gradients: (links, ANSWER, SLOPES) of one load that does not act yet.
     """
 
     linear: Linearisation
-    left_rates: FloatArray
+    load_rates: FloatArray
     link_tangents: FloatArray
     wrench: FloatArray
     gradients: FloatArray
@@ -106,7 +96,7 @@ class TangentScratch(NamedTuple):
         """Return scratch for a fish of so many joints, states and loads; `stateful`: whether any load is."""
         links = joints + 1
         moving = (links, PLACES, directions if stateful else 0)
-        shapes = (states, moving, (4, directions), (links, ANSWER, SLOPES))
+        shapes = (states, moving, (7, directions), (links, ANSWER, SLOPES))
         return cls(Linearisation.empty(joints, states, loads), *(np.zeros(shape) for shape in shapes))
 
 
@@ -137,14 +127,13 @@ def tangent_rates(
     for row in range(STATES, out.shape[0]):
         for k in range(out.shape[1]):
             out[row, k] = 0.0
-    right = LoadBuffers(linear.output, state, linear.load_rates)
-    left = LoadBuffers(linear.output, state, scratch.left_rates)
-    _by_links(system, directions.links, linear, right, left, out)
+    there = LoadBuffers(linear.output, state, linear.load_rates)
+    here = LoadBuffers(linear.output, state, scratch.load_rates)
+    _by_links(system, directions.links, linear, there, here, out)
     if system.loads.addresses.shape[0] > 0 and scratch.link_tangents.shape[2] > 0:
         _write_link_tangents(system, state, tangents, directions, scratch)
         _by_stateful_loads(system, state, tangents, scratch, out)  # writes gradients that are needed below
-    for change in range(directions.loads.addresses.shape[0]):
-        _by_load(system, directions.loads, change, scratch, right, left, out)
+    _by_loads(system, state, directions.loads, scratch, out)
 
 
 @merged
@@ -205,11 +194,12 @@ def _by_joints(motion: FloatArray, flexible: bool, responses: FloatArray, out: F
 
 @merged
 def _by_links(
-    system: System, links: LinkChanges, linear: Linearisation, right: LoadBuffers, left: LoadBuffers, out: FloatArray
+    system: System, links: LinkChanges, linear: Linearisation, there: LoadBuffers, here: LoadBuffers, out: FloatArray
 ) -> None:
     """Add what changes of the links change: dF - dI V', and, of a length, the joints behind."""
     n = system.links.shape[0]
     flexible = system.tail[0] > 0.0
+    last, base = -1, (0.0, 0.0, 0.0)  # the loads on the link of the last change
     for p in range(links.changes.shape[0]):
         change = links.changes[p]
         i = change.link
@@ -234,13 +224,17 @@ def _by_links(
             fy -= 0.5 * link.density * link.c_d * f
             mz -= 0.5 * link.density * link.c_d * g
         if system.loads.addresses.shape[0] > 0 and change.record >= 0:
-            moved = links.records[2 * change.record : 2 * change.record + 2]
-            dx, dy, dz = record_derivative(moved, system.links, i, system.loads, change.step, right, left)
-            fx += dx
-            fy += dy
-            mz += dz
+            if i != last:
+                last, base = i, loads_alone(system.links, i, system.links, i, system.loads, here)
+            moved = loads_alone(links.records, change.record, system.links, i, system.loads, there)
+            fx += (moved[0] - base[0]) / change.step
+            fy += (moved[1] - base[1]) / change.step
+            mz += (moved[2] - base[2]) / change.step
             for k in range(system.loads.addresses.shape[0]):
-                _add_memory_rates(system.loads.rows[k], i, change.step, right, left, direction, out)
+                row = system.loads.rows[k]
+                first = int(row[AT_FIRST]) + i * int(row[AT_STRIDE])
+                for m in range(first, first + int(row[AT_MEMORY])):
+                    out[m, direction] += (there.rates[m] - here.rates[m]) / change.step
         hx, hy, hz = to_head(motion, fx, fy, mz)
         _add_response(linear.solver, flexible, hx, hy, hz, mz if i == n - 1 else 0.0, direction, out)
         if change.length != 0.0 and i < n - 1:
@@ -252,35 +246,29 @@ def _by_links(
 
 
 @merged
-def _by_load(
-    system: System, loads: LoadChanges, change: int, scratch: TangentScratch, right: LoadBuffers, left: LoadBuffers,
-    out: FloatArray,
-) -> None:  # fmt: skip
-    """Add what a change of the parameters of a load changes."""
-    row, linear = loads.rows[2 * change], scratch.linear
-    gradient, acting = loads.gradients[change], loads.acting[change]
-    column = int(row[AT_PARAMETER])
-    if gradient != 0 and acting < 0 and (change == 0 or loads.gradients[change - 1] != gradient):
-        for i in range(system.links.shape[0]):
-            gradient_on(system.links, i, gradient, row, right.state, scratch.gradients[i])
-    direction = int(row[AT_DIRECTION])
-    gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
-    for i in range(system.links.shape[0]):
-        if gradient != 0:
-            by = scratch.gradients[i] if acting < 0 else linear.load_gradients[i, acting]
-            fx, fy, mz = by[0, column], by[1, column], by[2, column]
-            for m in range(int(row[AT_MEMORY])):
-                out[int(row[AT_FIRST]) + i * int(row[AT_STRIDE]) + m, direction] += by[3 + m, column]
-        else:
-            fx, fy, mz = parameter_derivative(system.links, i, loads, change, right, left)
-        if row[AT_STEP] > 0.0 and gradient == 0:
-            _add_memory_rates(row, i, row[AT_STEP], right, left, direction, out)
-        hx, hy, hz = to_head(linear.links[i], fx, fy, mz)
-        gx += hx
-        gy += hy
-        gz += hz
-        torque = mz
-    _add_response(linear.solver, system.tail[0] > 0.0, gx, gy, gz, torque, direction, out)
+def _by_loads(system: System, state: FloatArray, loads: LoadChanges, scratch: TangentScratch, out: FloatArray) -> None:
+    """Add what changes of the parameters of loads change; hidden states of inactive loads need no tangents."""
+    linear, links, last = scratch.linear, system.links, -1
+    for p in range(loads.changes.shape[0]):
+        change = loads.changes[p]
+        k, column, rate = change.load, change.column, change.rate
+        row, active = system.loads.rows[k], k < loads.active
+        if not active and k != last:
+            for i in range(links.shape[0]):
+                gradient_on(links, i, loads.addresses[k], row, False, state, linear.answers, scratch.gradients[i])
+        last = k
+        gx, gy, gz, torque = 0.0, 0.0, 0.0, 0.0
+        for i in range(links.shape[0]):
+            by = linear.load_gradients[i, k] if active else scratch.gradients[i]
+            hx, hy, hz = to_head(linear.links[i], by[0, column], by[1, column], by[2, column])
+            gx += rate * hx
+            gy += rate * hy
+            gz += rate * hz
+            torque = rate * by[2, column]
+            first = int(row[AT_FIRST]) + i * int(row[AT_STRIDE])
+            for m in range(int(row[AT_MEMORY]) if active else 0):
+                out[first + m, change.direction] += rate * by[3 + m, column]
+        _add_response(linear.solver, system.tail[0] > 0.0, gx, gy, gz, torque, change.direction, out)
 
 
 @merged
@@ -296,52 +284,51 @@ def _add_response(
 
 
 @merged
-def _add_memory_rates(
-    row: FloatArray, link: int, step: float, right: LoadBuffers, left: LoadBuffers, direction: int, out: FloatArray
-) -> None:
-    """Add the difference of the rates of a load's hidden states on a link."""
-    memory = int(row[AT_MEMORY])
-    first = int(row[AT_FIRST]) + link * int(row[AT_STRIDE])
-    for k in range(first, first + memory):
-        out[k, direction] += (right.rates[k] - left.rates[k]) / (2.0 * step)
-
-
-@merged
 def _write_link_tangents(
     system: System, state: FloatArray, tangents: FloatArray, directions: Directions, scratch: TangentScratch
 ) -> None:
-    """Write what each direction changes of velocity and pose of the links, nose to tail."""
+    """Write what each direction changes of velocity and pose of the links, nose to tail; loops as in `_by_state`."""
     links, motion, length_rate = scratch.linear.links, directions.motion, directions.length
-    joints = links.shape[0] - 1
+    joints, width = links.shape[0] - 1, tangents.shape[1]
     flexible = system.tail[0] > 0.0
     heading_cos, heading_sin = np.cos(state[5]), np.sin(state[5])
-    for k in range(tangents.shape[1]):
-        du, dv, dw = tangents[0, k], tangents[1, k], tangents[2, k]
-        dx, dy, turned = tangents[3, k], tangents[4, k], tangents[5, k]
-        for i in range(joints + 1):
-            if i > 0:
-                j = i - 1
-                front, behind = links[j], links[i]
-                cj, sj = joint_trigonometry(front, behind)
-                c = heading_cos * front.cos - heading_sin * front.sin
-                s = heading_sin * front.cos + heading_cos * front.sin
-                length, longer = system.links[j].length, length_rate[j, k]
-                angle, rate = 0.0, 0.0
-                if k < motion.shape[1]:
-                    angle, rate = motion[j, k], motion[joints + j, k]
-                if flexible and i == joints:
-                    angle += tangents[6, k]
-                    rate += tangents[7, k]
-                dx += longer * c - length * s * turned
-                dy += longer * s + length * c * turned
-                sway = dv + length * dw + longer * front.w
-                du, dv = cj * du + sj * sway + behind.v * angle, cj * sway - sj * du - behind.u * angle
-                dw += rate
-                turned += angle
-            out = scratch.link_tangents[i]
-            out[0, k], out[1, k], out[2, k] = du, dv, dw
-            out[3, k], out[4, k], out[5, k] = -dx, -dy, turned  # the forward frame's
-            out[6, k] = turned - tangents[5, k]
+    head = scratch.link_tangents[0]
+    for k in range(width):
+        head[0, k], head[1, k], head[2, k] = tangents[0, k], tangents[1, k], tangents[2, k]
+    for k in range(width):
+        head[3, k], head[4, k] = -tangents[3, k], -tangents[4, k]  # the forward frame's
+        head[5, k], head[6, k] = tangents[5, k], 0.0
+    for j in range(joints):
+        front, behind = links[j], links[j + 1]
+        cj, sj = joint_trigonometry(front, behind)
+        c = heading_cos * front.cos - heading_sin * front.sin
+        s = heading_sin * front.cos + heading_cos * front.sin
+        length, w, u, v = system.links[j].length, front.w, behind.u, behind.v
+        here, out = scratch.link_tangents[j], scratch.link_tangents[j + 1]
+        for k in range(width):
+            longer, turned = length_rate[j, k], here[5, k]
+            out[3, k] = here[3, k] - longer * c + length * s * turned
+            out[4, k] = here[4, k] - longer * s - length * c * turned
+        for k in range(width):
+            sway = here[1, k] + length * here[2, k] + length_rate[j, k] * w
+            out[0, k], out[1, k] = cj * here[0, k] + sj * sway, cj * sway - sj * here[0, k]
+        for k in range(width):
+            out[2, k], out[5, k], out[6, k] = here[2, k], here[5, k], here[6, k]
+        for k in range(motion.shape[1]):
+            _turn(out, k, u, v, motion[j, k], motion[joints + j, k])
+        if flexible and j == joints - 1:
+            for k in range(width):
+                _turn(out, k, u, v, tangents[6, k], tangents[7, k])
+
+
+@merged
+def _turn(out: FloatArray, k: int, u: float, v: float, angle: float, rate: float) -> None:
+    """Add what angle and rate of the joint in front of a link, whose velocity is (u, v), change in direction k."""
+    out[0, k] += v * angle
+    out[1, k] -= u * angle
+    out[2, k] += rate
+    out[5, k] += angle
+    out[6, k] += angle
 
 
 @part
@@ -350,46 +337,45 @@ def _by_stateful_loads(
 ) -> None:
     """Add what stateful loads do in every direction: they depend on velocity, pose and hidden states of the links."""
     rows, wrench, linear = system.loads.rows, scratch.wrench, scratch.linear
-    buffers = LoadBuffers(linear.output, state, linear.load_rates)
-    n = system.links.shape[0]
-    width = tangents.shape[1]
-    for r in range(4):
-        for k in range(width):
-            wrench[r, k] = 0.0
+    n, width = system.links.shape[0], tangents.shape[1]
+    head, force = wrench[:4], wrench[4:]
+    for k in range(width):
+        head[0, k], head[1, k], head[2, k], head[3, k] = 0.0, 0.0, 0.0, 0.0
     for q in range(system.loads.addresses.shape[0]):
         if rows[q, AT_STATEFUL] != 1.0:
             continue
         memory = int(rows[q, AT_MEMORY])
-        table = LoadTable(system.loads.addresses[q : q + 1], rows[q : q + 1])
         for i in range(n):
             first = int(rows[q, AT_FIRST]) + i * int(rows[q, AT_STRIDE])
-            stateful_derivatives(system.links, i, table, buffers, linear.load_gradients[i, q])
-            jacobian = linear.load_gradients[i, q, :, PARAMETERS:]
+            gradient = linear.load_gradients[i, q]
+            gradient_on(system.links, i, system.loads.addresses[q], rows[q], True, state, linear.answers, gradient)
+            for r in range(3):
+                for k in range(width):
+                    force[r, k] = 0.0
+            for r in range(3 + memory):
+                row = force[r] if r < 3 else out[first + r - 3]
+                for j in range(PLACES):
+                    _add(gradient[r, PARAMETERS + j], scratch.link_tangents[i, j], row)
+                for j in range(memory):
+                    _add(gradient[r, PARAMETERS + PLACES + j], tangents[first + j], row)
             link = linear.links[i]
             c, s, x, y = link.cos, link.sin, link.x, link.y
             for k in range(width):
-                fx, fy, mz = 0.0, 0.0, 0.0
-                for j in range(PLACES):
-                    change = scratch.link_tangents[i, j, k]
-                    fx += jacobian[0, j] * change
-                    fy += jacobian[1, j] * change
-                    mz += jacobian[2, j] * change
-                    for m in range(memory):
-                        out[first + m, k] += jacobian[3 + m, j] * change
-                for j in range(memory):
-                    change = tangents[first + j, k]
-                    fx += jacobian[0, PLACES + j] * change
-                    fy += jacobian[1, PLACES + j] * change
-                    mz += jacobian[2, PLACES + j] * change
-                    for m in range(memory):
-                        out[first + m, k] += jacobian[3 + m, PLACES + j] * change
-                hx = c * fx - s * fy
-                hy = s * fx + c * fy
-                wrench[0, k] += hx
-                wrench[1, k] += hy
-                wrench[2, k] += mz + x * hy - y * hx
-                if i == n - 1:
-                    wrench[3, k] += mz
+                hx = c * force[0, k] - s * force[1, k]
+                hy = s * force[0, k] + c * force[1, k]
+                head[0, k] += hx
+                head[1, k] += hy
+                head[2, k] += force[2, k] + x * hy - y * hx
+            if i == n - 1:
+                _add(1.0, force[2], head[3])
+    flexible = system.tail[0] > 0.0
     for k in range(width):
-        flexible = system.tail[0] > 0.0
-        _add_response(linear.solver, flexible, wrench[0, k], wrench[1, k], wrench[2, k], wrench[3, k], k, out)
+        _add_response(linear.solver, flexible, head[0, k], head[1, k], head[2, k], head[3, k], k, out)
+
+
+@merged
+def _add(factor: float, row: FloatArray, out: FloatArray) -> None:
+    """Add a multiple of a row; most derivatives are zero."""
+    if factor != 0.0:
+        for k in range(row.shape[0]):
+            out[k] += factor * row[k]

@@ -15,8 +15,8 @@ import numpy as np
 from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.hydro.link import LINK, NUMBERS, column
-from mjfish.hydro.load import AT_STATEFUL, PARAMETERS, ROW, Load, LoadTable, load_rows, memory_of
-from mjfish.hydro.load_derivatives import CHANGE, INACTIVE_STEP, RELATIVE_STEP, LoadChanges
+from mjfish.hydro.load import AT_WANTED, Load, LoadTable, load_rows, memory_of
+from mjfish.hydro.load_derivatives import LOAD_CHANGE, RELATIVE_STEP, LoadChanges
 from mjfish.numerics.arrays import BoolArray, FloatArray
 from mjfish.numerics.compiled import borrowing, merged
 from mjfish.ode.equation import STATES, TAIL, Joints, System, derivative
@@ -116,7 +116,7 @@ def simulate_tangents(
             length[:, k] = direction.links[:, column("length")]
     changed = Directions(
         tail, _joint_changes(ordered, motion), _link_changes(ordered, system.links, given.loads),
-        _load_changes(ordered, loads, table, row_of, len(given.loads)), length,
+        LoadChanges(_load_changes(ordered, table, row_of), table.addresses, len(given.loads)), length,
     )  # fmt: skip
     states, rates = np.zeros((2, len(motion.time) - 1, 2, len(start)))
     index, place = place_in(motion.time, time)
@@ -176,7 +176,7 @@ def _link_changes(
     """Return what the directions change of the links: one change for each pair of direction and link."""
     changing = [(k, direction.links) for k, direction in enumerate(directions) if direction.links is not None]
     rates = np.array([links for _, links in changing]).reshape(len(changing), len(records), NUMBERS)
-    pair, link = np.nonzero(rates.any(axis=2))
+    link, pair = np.nonzero(rates.any(axis=2).T)
     rate = rates[pair, link]
     here = records.view(np.float64).reshape(-1, NUMBERS)[link]
     changes = _products(here, rate)
@@ -194,8 +194,8 @@ def _link_changes(
         step = RELATIVE_STEP * np.min(np.maximum(np.abs(here), 1e-3) / np.abs(seen), axis=1, initial=np.inf)
     changes["step"] = np.where(moved, step, 0.0)
     changes["record"] = _numbered(moved)
-    sides = here[moved, None] + changes["step"][moved, None, None] * np.array([[[1.0], [-1.0]]]) * seen[moved, None]
-    return LinkChanges(changes, outlines, np.ascontiguousarray(sides).reshape(-1).view(LINK))
+    there = here[moved] + changes["step"][moved, None] * seen[moved]
+    return LinkChanges(changes, outlines, np.ascontiguousarray(there).reshape(-1).view(LINK))
 
 
 def _numbered(chosen: Any) -> Any:
@@ -221,39 +221,23 @@ def _products(here: FloatArray, rate: FloatArray) -> Any:
     return changes
 
 
-def _load_changes(
-    directions: Sequence[Direction],
-    loads: Sequence[tuple[Load, Sequence[float]]],
-    table: LoadTable,
-    row_of: Sequence[int],
-    active: int,
-) -> LoadChanges:
-    """Return what the directions change of the parameters of loads.
+def _load_changes(directions: Sequence[Direction], table: LoadTable, row_of: Sequence[int]) -> Any:
+    """Return `LOAD_CHANGE` records of what the directions change of the parameters of loads, load by load.
 
     Args:
         directions: in their order.
-        loads: all of them.
-        table: of these.
+        table: of all loads; written: which derivatives are wanted.
         row_of: (k,) row in the table of each load of a direction.
-        active: how many of the rows exert something; those behind are inactive.
     """
-    rows, changed, gradients = [], [], []
-    for k, direction in enumerate(directions):
-        if direction.loads is None:
-            continue
-        for load in np.flatnonzero(direction.loads.any(axis=1)):
-            row, rate = row_of[int(load)], np.concatenate([direction.loads[load], np.zeros(ROW - PARAMETERS)])
-            here, hit = table.rows[row], rate != 0.0
-            relative = RELATIVE_STEP if row < active else INACTIVE_STEP
-            step = relative * float(np.min(np.maximum(np.abs(here[hit]), 0.1) / np.abs(rate[hit])))
-            signed = step if row < active else -step
-            rows += [[*(here + side * step * rate), k, signed, np.argmax(hit)] for side in (1.0, -1.0)]
-            changed.append(row)
-            gradients.append(loads[row][0].gradient if np.count_nonzero(hit) == 1 and rate[hit][0] == 1.0 else 0)
-    pairs = np.array(rows).reshape(-1, CHANGE)
-    pairs[:, AT_STATEFUL] = 0.0  # it is called for its answer here, whatever else it depends on
-    of = np.array(changed, dtype=np.int64)
-    return LoadChanges(table.addresses[of], np.array(gradients, dtype=np.uint64), np.where(of < active, of, -1), pairs)
+    changes = [
+        (k, row_of[int(load)], int(number), direction.loads[load, number])
+        for k, direction in enumerate(directions)
+        if direction.loads is not None
+        for load, number in zip(*np.nonzero(direction.loads), strict=True)
+    ]
+    for row, moved in {change[1:3] for change in changes}:
+        table.rows[row, AT_WANTED] += 1 << moved
+    return np.array(sorted(changes, key=lambda change: change[1]), dtype=LOAD_CHANGE)
 
 
 class Samples(NamedTuple):
@@ -323,7 +307,7 @@ def integrate_tangents(
             copy(system.tail, work.state.tail)
             _copy_rows(directions.motion[now, stage], work.motion)
             _copy_rows(directions.tail, work.tail)
-            loads, changes = system.loads.addresses.shape[0], directions.loads.addresses.shape[0]
+            loads, changes = system.loads.addresses.shape[0], directions.loads.changes.shape[0]
             if phase == PHASE_JUMP:
                 loads, changes = 0, 0
                 rest(trial, work.state.tail)
@@ -336,8 +320,7 @@ def integrate_tangents(
             now_directions = Directions(
                 work.tail, work.motion, directions.links,
                 LoadChanges(
-                    directions.loads.addresses[:changes], directions.loads.gradients[:changes],
-                    directions.loads.acting[:changes], directions.loads.rows,
+                    directions.loads.changes[:changes], directions.loads.addresses, directions.loads.active
                 ),
                 directions.length,
             )  # fmt: skip

@@ -9,7 +9,8 @@ from link_forces import LINKS, STATES, VALUES, force, moving, numbers
 from mjfish.effects import Effect, find
 from mjfish.fish import Fish, load_fish
 from mjfish.hydro.force import drag
-from mjfish.hydro.load import PARAMETERS, SLOPES, gradient_on, load_rows
+from mjfish.hydro.load import ANSWER, PARAMETERS, SLOPES, load_rows
+from mjfish.hydro.load_derivatives import gradient_on
 from mjfish.numerics.arrays import FloatArray
 
 KINDS = ("across", "along")
@@ -119,7 +120,9 @@ def test_its_derivatives_are_those_of_the_force(pike: Fish, law: Effect) -> None
         records, row = moving(pike, state), load_rows([(law.load, numbers(law, values))]).rows[0]
         for link in LINKS:
             found = np.full((3, SLOPES), np.nan)
-            gradient_on(records, link, np.uint64(law.load.gradient), row, np.zeros(0), found)
+            gradient_on(
+                records, link, np.uint64(law.load.address), row, True, np.zeros(0), np.zeros((2, ANSWER)), found
+            )
             expected = np.stack([_slope(law, values, p.short, records, link) for p in law.parameters], axis=1)
             scale = np.abs(expected).max(axis=1, keepdims=True) + 1e-12
             assert np.max(np.abs(found[:, :count] - expected) / scale) < 1e-7

@@ -16,7 +16,16 @@ from mjfish.effects import Effect, find
 from mjfish.effects.sheared_current import ShearedCurrent
 from mjfish.fish import Fish, frames
 from mjfish.hydro.force import drag
-from mjfish.hydro.load import ANSWER, PARAMETERS, PLACES, SLOPES, LoadBuffers, gradient_on, load_rows, loads_on
+from mjfish.hydro.load import (
+    ANSWER,
+    PARAMETERS,
+    PLACES,
+    SLOPES,
+    LoadBuffers,
+    load_rows,
+    loads_on,
+)
+from mjfish.hydro.load_derivatives import gradient_on
 from mjfish.model import Model, Prediction
 from mjfish.numerics.arrays import FloatArray, readonly
 
@@ -160,7 +169,7 @@ def test_its_derivatives_are_those_of_the_force(pike: Fish, numbers: tuple[float
             records["x"], records["y"], records["heading"] = here[3:6]
             found = np.full((4, SLOPES), np.nan)
             row = load_rows([(sheared, numbers)], 5).rows[0]
-            gradient_on(records, index, np.uint64(sheared.gradient), row, here[6:7], found)
+            gradient_on(records, index, np.uint64(sheared.address), row, True, here[6:7], np.zeros((2, ANSWER)), found)
             expected = np.stack([(at(place, h) - at(place, -h)) / (2.0 * h) for place in range(12)], axis=1)
             np.testing.assert_allclose(found[:, columns], expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
             assert np.count_nonzero(np.delete(found, columns, axis=1)) == 0
