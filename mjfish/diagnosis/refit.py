@@ -117,7 +117,7 @@ _UNSEEN = 0.1
 #: Power of the step by which that falls, a little less than the eight of a method of fourth order.
 _POWER = 7.0
 #: Step of the derivatives in steps of the rollouts.
-_SLOPES = 2.0
+_SLOPES = 3.0
 
 
 def resolved(problem: Problem) -> tuple[Problem, FloatArray]:

@@ -57,6 +57,10 @@ class Moments:
             self.length + by * along.length,
         )
 
+    def largest(self) -> float:
+        """Return the largest number of all this but the time."""
+        return max(float(np.abs(part).max(initial=0.0)) for part in (self.state, self.rate, self.angle, self.length))
+
     def part(self, samples: slice) -> Moments:
         """Return some of the samples."""
         time, state, rate, angle = (block[samples] for block in (self.time, self.state, self.rate, self.angle))

@@ -40,8 +40,8 @@ _STEP = 2e-4
 _ON_BOUND = 1.5e-3
 #: Scale of frequency [Hz] and phase [rad] of a wave.
 _WAVE_SCALE = 0.05
-#: Of the differences of inertial readings along a direction.
-_UNIT = Parameter("sensor.along", "-", 0.0, -1.0, 1.0, 0.0, 0.01)
+#: Most that anything of a run is moved [m, m/s, rad, ...] by the differences of readings along a direction.
+_MOVED = 1e-6
 #: Samples whose rates are turned at once: what is made on the way takes 10 MB.
 _STRETCH = 8192
 #: Hooks of effects that say what a camera makes of a run.
@@ -167,12 +167,12 @@ def _sensed(
             part = slice(first, first + _STRETCH)
             found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
     else:
-        for k, direction in enumerate(directions):
-            if direction is not None:
-                moved = Moments(
-                    here.time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length))
-                )
-                found[:, :, k] = difference(functools.partial(_read_moved, camera, sensor, here, moved), _UNIT, 0.0)
+        read = camera.read(sensor, here)
+        for k in range(len(directions)):
+            along = Moments(here.time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
+            if (most := along.largest()) > 0.0:
+                by = _MOVED / most
+                found[:, :, k] = (camera.read(sensor, here.moved(by, along)) - read) / by
     for k, name in enumerate(names):
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
@@ -200,10 +200,6 @@ def _along(here: Moments, along: FloatArray, directions: Sequence[Direction | No
         if direction is not None and direction.links is not None:
             length[:, k] = direction.links[:, column("length")]
     return Moments(here.time, along[:, :STATES], along[:, STATES:], angle, length)
-
-
-def _read_moved(camera: Camera, sensor: Sensor, here: Moments, along: Moments, by: float) -> FloatArray:
-    return camera.read(sensor, here.moved(by, along))
 
 
 def one_sided(model: Model, name: str, value: float) -> bool:
