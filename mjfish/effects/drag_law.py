@@ -31,19 +31,20 @@ _SPEED, _TALL = _ALONG + _KNOTS_F, _ALONG + _KNOTS_F + 1
 
 
 _LN2 = float(np.log(2.0))
+#: Added to the square of a speed [m2/s2]: at rest it has no logarithm.
+_TINY = 1e-18
 
 
 @merged
 def _octave(here: float, other: float, whole: float, speed: float) -> float:
     """Return log2 of sqrt(here^2 + whole other^2) over the reference speed."""
-    return float(np.log2((np.sqrt(here * here + whole * other * other) + 1e-9) / speed))
+    return float(0.5 * np.log2((here * here + whole * other * other + _TINY) / (speed * speed)))
 
 
 @merged
 def _octave_slope(here: float, other: float, whole: float) -> float:
     """Return the derivative of `_octave` by half of here^2; by other it is `whole` times other times it."""
-    total = np.sqrt(here * here + whole * other * other)
-    return float(1.0 / (_LN2 * (total * (total + 1e-9) + 1e-18)))
+    return float(1.0 / (_LN2 * (here * here + whole * other * other + _TINY)))
 
 
 @merged
@@ -71,7 +72,7 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
     _add_weights(out, 0, _ALONG, t, _KNOTS_F, friction)
     turn = friction * spline_slope(t, parameters, _ALONG, _KNOTS_F) * _octave_slope(u, middle, other)
     out[0, _WHOLE_F] = 0.5 * turn * middle * middle
-    out[0, by_u] = 2.0 * half * link.c_f * link.wetted * abs(u) * np.expm1(g) + turn * u
+    out[0, by_u] = 2.0 * half * link.c_f * link.wetted * abs(u) * (np.exp(g) - 1.0) + turn * u
     out[0, by_v] = turn * other * middle
     out[0, by_w] = half_length * out[0, by_v]
     for s in range(link.coarse_r.shape[0]):
@@ -86,7 +87,7 @@ def _slopes(link: Any, parameters: Any, out: Any) -> None:
         _add_weights(out, 2, _ACROSS, t, _KNOTS_D, force * r)
         rise = force * spline_slope(t, parameters, _ACROSS, _KNOTS_D)
         turn = rise * _octave_slope(q, u, whole)
-        along, across = turn * whole * u, 2.0 * area * abs(q) * np.expm1(g) + turn * q
+        along, across = turn * whole * u, 2.0 * area * abs(q) * (np.exp(g) - 1.0) + turn * q
         out[1, _WHOLE_D] += 0.5 * turn * u * u
         out[2, _WHOLE_D] += 0.5 * turn * u * u * r
         out[1, _HEIGHT] += rise * taller
@@ -106,14 +107,14 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     other = parameters[_WHOLE_F]
     u, middle = link.u, link.v + 0.5 * link.length * link.w
     g = spline(_octave(u, middle, other, speed) + _BELOW_F, parameters, _ALONG, _KNOTS_F)
-    along = np.expm1(g) * link.c_f * link.wetted * abs(u) * u
+    along = (np.exp(g) - 1.0) * link.c_f * link.wetted * abs(u) * u
     across = 0.0
     moment = 0.0
     for s in range(link.coarse_r.shape[0]):
         q = link.v + link.w * link.coarse_r[s]
         t = _octave(q, u, whole, speed) + power * np.log2(link.coarse_height[s] / height + 1e-9) + _BELOW_D
         g = spline(t, parameters, _ACROSS, _KNOTS_D)
-        share = link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * np.expm1(g)
+        share = link.coarse_weight[s] * link.coarse_height[s] * abs(q) * q * (np.exp(g) - 1.0)
         across += share
         moment += share * link.coarse_r[s]
     half = -0.5 * link.density

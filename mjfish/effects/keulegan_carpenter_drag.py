@@ -27,7 +27,7 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float, float, flo
         place = r / link.length
         kc = (1.0 - place) * keulegan_carpenter(front_square, height) + place * keulegan_carpenter(rear_square, height)
         q = link.v + link.w * r
-        share = link.coarse_weight[k] * height * np.expm1(-power * np.log(kc / KC_0)) * abs(q) * q
+        share = link.coarse_weight[k] * height * (np.exp(-power * np.log(kc / KC_0)) - 1.0) * abs(q) * q
         across += share
         moment += share * r
     pressure = -0.5 * link.density * link.c_d

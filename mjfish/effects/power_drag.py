@@ -22,14 +22,14 @@ def _excess(link: Any, parameters: Any) -> tuple[float, float, float]:
     """Excess over quadratic drag: c ((V / U_0)^n - 1) in place of c, strip by strip."""
     friction = parameters[0]
     pressure = parameters[1]
-    factor = np.expm1(friction * np.log(max(abs(link.u), _SLOWEST) / REFERENCE_SPEED))
+    factor = np.exp(friction * np.log(max(abs(link.u), _SLOWEST) / REFERENCE_SPEED)) - 1.0
     along = factor * link.c_f * link.wetted * abs(link.u) * link.u
     across = 0.0
     moment = 0.0
     for k in range(link.coarse_r.shape[0]):
         r = link.coarse_r[k]
         q = link.v + link.w * r
-        factor = np.expm1(pressure * np.log(max(abs(q), _SLOWEST) / REFERENCE_SPEED))
+        factor = np.exp(pressure * np.log(max(abs(q), _SLOWEST) / REFERENCE_SPEED)) - 1.0
         share = link.coarse_weight[k] * link.coarse_height[k] * factor * abs(q) * q
         across += share
         moment += share * r
