@@ -396,7 +396,7 @@ class Problem:
                 _Predicted(found.velocity[..., k], tuple(b[..., k] for b in found.sensors)) for k in range(len(asked))
             )
             places = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
-            lost = dict(places)  # before the derivatives become 0 there
+            lost = dict(places) if found.lost else {}  # before the derivatives become 0 there
             return self._counted(index, found), lost
 
         return shared, own, mapped(counted, range(len(self.trials)))

@@ -107,32 +107,32 @@ class Camera:
         """Return what a sensor reads (m, c), its channels in the order of the sensor."""
         if not self.sees(sensor):
             return np.stack([_INERTIAL[channel](sensor, seen) for channel in sensor.channels], axis=1)
-        place, heading = _place(sensor, seen)
+        place, heading = _place(sensor.link, sensor.station, seen)
         for effect, values in self.effects:
             if effect.overrides("displacement"):
                 place += frames.to_body(effect.displacement(seen.time, seen.state, values, self.trial), -heading)
         place, heading = self._filmed(seen.time, place, heading)
         return place if sensor.kind == "position" else heading[:, None]
 
-    def read_rates(self, sensor: Sensor, seen: Moments, along: Moments) -> FloatArray:
-        """Return the rates (m, c, k) of what a sensor of places or headings reads, along many directions at once.
+    def filmed_rates(self, link: int, station: float, seen: Moments, along: Moments) -> FloatArray:
+        """Return the rates (m, 3, k) of place and heading as sensors that are `pointwise` see them, in k directions.
 
         Args:
-            sensor: one that is `pointwise`.
+            link, station: of the point that is seen.
             seen: the run.
             along: its rates, the directions behind all other axes.
         """
-        (place, heading), (places, headings) = _place(sensor, seen), _place_rates(sensor, seen, along)
+        (place, heading), (places, headings) = _place(link, station, seen), _place_rates(link, station, seen, along)
+        rates = np.concatenate([places, headings[:, None]], axis=1)
         if any(effect.overrides("camera") for effect, _ in self.effects):
-            rates, by = np.concatenate([places, headings[:, None]], axis=1), np.zeros((len(heading), 3, 3))
+            by = np.zeros((len(heading), 3, 3))
             for axis, h in enumerate((_LENGTH, _LENGTH, _ANGLE)):
                 step = h * np.eye(3)[axis]
                 ends = [self._filmed(seen.time, place + k * step[:2], heading + k * step[2]) for k in (1.0, -1.0)]
                 (there, turned), (back, returned) = ends
                 by[:, :2, axis], by[:, 2, axis] = (there - back) / (2.0 * h), (turned - returned) / (2.0 * h)
             rates = by @ rates
-            places, headings = rates[:, :2], rates[:, 2]
-        return places if sensor.kind == "position" else headings[:, None]
+        return rates
 
     def _filmed(self, time: FloatArray, place: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places (m, 2) and headings (m,) as the camera sees them."""
@@ -141,25 +141,25 @@ class Camera:
         return place, heading
 
 
-def _place(sensor: Sensor, seen: Moments) -> tuple[FloatArray, FloatArray]:
-    """Return place (m, 2) and heading (m,) of a sensor; the tail's deflection adds to the last joint."""
+def _place(link: int, station: float, seen: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return place (m, 2) and heading (m,) of a point; the tail's deflection adds to the last joint."""
     place, heading = seen.state[:, 3:5].copy(), seen.state[:, 5].copy()
     last = seen.angle.shape[1] - 1
-    for i in range(sensor.link):
+    for i in range(link):
         place -= seen.length[i] * _direction(heading)
         heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
-    return np.asarray(place - sensor.station * _direction(heading)), heading
+    return np.asarray(place - station * _direction(heading)), heading
 
 
-def _place_rates(sensor: Sensor, seen: Moments, along: Moments) -> tuple[FloatArray, FloatArray]:
-    """Return the rates of place (m, 2, k) and heading (m, k) of a sensor along k directions."""
+def _place_rates(link: int, station: float, seen: Moments, along: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return the rates of place (m, 2, k) and heading (m, k) of a point along k directions."""
     heading, turning = seen.state[:, 5].copy(), along.state[:, 5].copy()
     moving, last = along.state[:, 3:5].copy(), seen.angle.shape[1] - 1
-    for i in range(sensor.link):
+    for i in range(link):
         moving -= _direction(heading)[:, :, None] * along.length[i] + seen.length[i] * _swung(heading, turning)
         heading += seen.angle[:, i] + (seen.state[:, 6] if i == last else 0.0)
         turning += along.angle[:, i] + (along.state[:, 6] if i == last else 0.0)
-    moving -= sensor.station * _swung(heading, turning)
+    moving -= station * _swung(heading, turning)
     return moving, turning
 
 

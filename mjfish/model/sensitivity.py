@@ -121,10 +121,14 @@ def with_sensors(
     ways = [direction for direction, _ in directions]
     here = [camera.moments(run.fish, rollout, run.motion, clock) for clock in clocks[1:]]
     there = [_along(one, block, ways, run.motion) for one, block in zip(here, beside, strict=True)]
-    seen = [
-        _sensed(at, sensor, rollout, label, here[k], there[k], ways, names)
-        for sensor, label, k in zip(trial.sensors, labels, which, strict=True)
-    ]
+    filmed = functools.cache(lambda k, link, station: _filmed(camera, link, station, here[k], there[k]))
+    seen = []
+    for sensor, label, k in zip(trial.sensors, labels, which, strict=True):
+        if camera.pointwise(sensor):  # place and heading are mostly those of one point
+            found = filmed(k, sensor.link, sensor.station)[:, slice(2) if sensor.kind == "position" else slice(2, 3)]
+        else:
+            found = _read_rates(camera, sensor, here[k], there[k])
+        seen.append(_sensed(at, sensor, rollout, label, here[k], found.copy(), names))
     if not compared:
         return np.zeros((len(run.time), len(CHANNELS), len(names))), tuple(seen)
     along, times = along[:, :STATES], times[: len(along)]
@@ -138,22 +142,43 @@ def with_sensors(
     return _read(at, lambda: headed(rollout.at(times), trial), along, names), tuple(seen)
 
 
+def _filmed(camera: Camera, link: int, station: float, here: Moments, along: Moments) -> FloatArray:
+    """Return the rates (m, 3, k) of place and heading of a point as the camera sees them."""
+    found = np.zeros((len(here.time), 3, along.state.shape[2]))
+    for first in range(0, len(found), _STRETCH):
+        part = slice(first, first + _STRETCH)
+        found[part] = camera.filmed_rates(link, station, here.part(part), along.part(part))
+    return found
+
+
+def _read_rates(camera: Camera, sensor: Sensor, here: Moments, every: Moments) -> FloatArray:
+    """Return the rates (m, c, k) of what a sensor reads along all directions, by differences to one side."""
+    found = np.zeros((len(here.time), len(sensor.channels), every.state.shape[2]))
+    read = camera.read(sensor, here)
+    for k in range(found.shape[2]):
+        along = Moments(here.time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
+        if (most := along.largest()) > 0.0:
+            by = _MOVED / most
+            found[:, :, k] = (camera.read(sensor, here.moved(by, along)) - read) / by
+    return found
+
+
 def _sensed(
     at: _At,
     sensor: Sensor,
     rollout: Rollout,
     label: FloatArray,
     here: Moments,
-    every: Moments,
-    directions: Sequence[Direction | None],
+    found: FloatArray,
     names: Sequence[str],
 ) -> FloatArray:
     """Return the derivatives (m, c, k) of what a sensor reads at the times (m,) that its samples have.
 
     Args:
-        at, rollout, directions, names: as in `with_sensors`.
+        at, rollout, names: as in `with_sensors`.
         sensor, label: and the times that its samples have.
-        here, every: the run at its samples, and its rates along all directions.
+        here: the run at its samples.
+        found: (m, c, k) how it moves with the run; overwritten.
     """
     fish, motion, camera = at.run.fish, at.run.motion, Camera(at.trial, at.run.active)
 
@@ -161,18 +186,6 @@ def _sensed(
         return camera.moments(fish, rollout, motion, time)
 
     clock = camera.clocked(sensor, label)
-    found = np.zeros((len(label), len(sensor.channels), len(names)))
-    if camera.pointwise(sensor):
-        for first in range(0, len(label), _STRETCH):
-            part = slice(first, first + _STRETCH)
-            found[part] = camera.read_rates(sensor, here.part(part), every.part(part))
-    else:
-        read = camera.read(sensor, here)
-        for k in range(len(directions)):
-            along = Moments(here.time, *(part[..., k] for part in (every.state, every.rate, every.angle, every.length)))
-            if (most := along.largest()) > 0.0:
-                by = _MOVED / most
-                found[:, :, k] = (camera.read(sensor, here.moved(by, along)) - read) / by
     for k, name in enumerate(names):
         p, owner = _declared(at.model, name), _owner(at.model, name)
         if name == sensor.clock:
