@@ -37,6 +37,24 @@ def balanced(time: FloatArray, angle: FloatArray, rate: FloatArray, acceleration
     return JointMotion(time=time, angle=angle, rate=rate, acceleration=acceleration)
 
 
+def curved(motion: JointMotion, angle: FloatArray, slope: FloatArray, curvature: FloatArray) -> JointMotion:
+    """Return joints that stand at a function of what they are asked for, c; where it is c itself, the motion as it is.
+
+        theta' = slope c',   theta'' = slope c'' + curvature c'^2
+
+    Args:
+        motion: that is asked for, c.
+        angle, slope, curvature: (n, 3, joints) the function and its first two derivatives there.
+    """
+    bend = curvature * motion.rate**2
+    off = balanced(
+        motion.time, angle - motion.angle, (slope - 1.0) * motion.rate, (slope - 1.0) * motion.acceleration + bend
+    )
+    return JointMotion(
+        motion.time, motion.angle + off.angle, motion.rate + off.rate, motion.acceleration + off.acceleration
+    )
+
+
 @merged
 def cubic(left: float, slope: float, right: float, slope_right: float, d: float) -> tuple[float, float]:
     """Return a_2, a_3 of the cubic left + slope s + a_2 s^2 + a_3 s^3 through values and slopes at 0 and d."""

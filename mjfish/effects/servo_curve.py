@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish.drive.motion import JointMotion
+from mjfish.effects.commanded import curved
 from mjfish.effects.effect import Effect, Fingerprint, Values
 from mjfish.hydro.spline import spline, spline_slope
 from mjfish.numerics.arrays import FloatArray
@@ -79,18 +80,13 @@ class ServoCurve(Effect):
         bent = np.empty((3, motion.angle.size))
         _bent(motion.angle.ravel(), np.array([values[p.short] for p in self.parameters]), bent)
         angle, slope, curvature = bent.reshape(3, *motion.angle.shape)
-        return JointMotion(
-            time=motion.time,
-            angle=angle,
-            rate=slope * motion.rate,
-            acceleration=slope * motion.acceleration + curvature * motion.rate**2,
-        )
+        return curved(motion, angle, slope, curvature)
 
     def like(self, formula: str, values: Values) -> dict[str, float]:
         """Return the curve at the numbers of a formula."""
         if formula != "servo_saturation":
             return {}
-        p, angles = values["sharpness"], _SPACING * np.arange(_KNOTS)
+        p, angles = 1.0 / values["softness"], _SPACING * np.arange(_KNOTS)
         logs = (1.0 + 1.0 / p) * np.log1p((values["psi"] * angles**2) ** (0.5 * p))
         return {_name(k): float(np.clip(log, _LOW, _HIGH)) for k, log in enumerate(logs)}
 

@@ -25,7 +25,7 @@ SIZES = {
     "servo_lag": {"time_constant": 0.03},
     "servo_limited_lag": {"slowness": 0.1, "time": 0.01},
     "servo_rate_limit": {"slowness": 0.1},
-    "servo_saturation": {"psi": 0.5, "sharpness": 6.0},
+    "servo_saturation": {"psi": 0.5, "softness": 0.17},
     "servo_second_order": {"time": 0.02, "damping": 0.5},
 }
 over_all = pytest.mark.parametrize("effect", [find(name) for name in SIZES], ids=SIZES)

@@ -245,7 +245,8 @@ def test_a_prediction_does_not_depend_on_what_was_predicted_before(effect: Effec
     values = {p.name.replace(".", "__"): _off(p) for p in effect.parameters}
     fresh = _predict(pike, replace(turning), (effect,), **values)
     for p in effect.parameters:
-        _predict(pike, turning, (effect,), **{**values, p.name.replace(".", "__"): p.default + p.scale})
+        other = p.default + (p.scale if p.default < p.high else -p.scale)
+        _predict(pike, turning, (effect,), **{**values, p.name.replace(".", "__"): other})
     _predict(pike, replace(turning, drive=turning.drive[:1]), (effect,), **values)
     assert _predict(pike, turning, (effect,), **values).tobytes() == fresh.tobytes()
 

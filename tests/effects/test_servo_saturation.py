@@ -18,9 +18,9 @@ def test_small_angles_lose_half_psi_times_their_cube_and_none_passes_the_largest
     """Catches a saturation of the wrong order or size, and one that turns round."""
     command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
     small = 0.05
-    lost = command.angle - SATURATION.drive(command, {"psi": small, "sharpness": 2.0}).angle
+    lost = command.angle - SATURATION.drive(command, {"psi": small, "softness": 0.5}).angle
     np.testing.assert_allclose(lost, 0.5 * small * command.angle**3, rtol=0.06, atol=1e-12)
-    strong = SATURATION.drive(command, {"psi": 10.0, "sharpness": 2.0}).angle
+    strong = SATURATION.drive(command, {"psi": 10.0, "softness": 0.5}).angle
     assert np.max(np.abs(strong)) < 10.0**-0.5 < np.max(np.abs(command.angle))
     order = np.argsort(command.angle.ravel())
     assert np.all(np.diff(strong.ravel()[order]) >= 0.0)
@@ -32,19 +32,19 @@ def test_the_sharper_it_is_the_nearer_to_a_hard_stop(pike: Fish, turning: Trial)
     limit = 0.6 * np.max(np.abs(command))
     stopped = np.clip(command, -limit, limit)
     off = [
-        np.max(np.abs(SATURATION.drive(motion, {"psi": limit**-2.0, "sharpness": p}).angle - stopped))
+        np.max(np.abs(SATURATION.drive(motion, {"psi": limit**-2.0, "softness": 1.0 / p}).angle - stopped))
         for p in (2.0, 6.0, 20.0)
     ]
     assert off[0] > 2.0 * off[1] > 4.0 * off[2]
     assert off[2] < 0.04 * limit
 
 
-@pytest.mark.parametrize(("psi", "sharpness"), [(0.02, 2.0), (0.5, 2.0), (0.5, 7.0), (2.0, 7.0)])
-@pytest.mark.parametrize("short", ["psi", "sharpness"])
+@pytest.mark.parametrize(("psi", "softness"), [(0.02, 0.5), (0.5, 0.5), (0.5, 0.14), (2.0, 0.14)])
+@pytest.mark.parametrize("short", ["psi", "softness"])
 def test_its_sensitivity_is_that_of_predictions(
-    pike: Fish, turning: Trial, psi: float, sharpness: float, short: str
+    pike: Fish, turning: Trial, psi: float, softness: float, short: str
 ) -> None:
-    assert derivative_error(pike, turning, SATURATION, {"psi": psi, "sharpness": sharpness}, short) < 1e-7
+    assert derivative_error(pike, turning, SATURATION, {"psi": psi, "softness": softness}, short) < 1e-7
 
 
 def test_it_has_a_derivative_at_the_null(pike: Fish, turning: Trial) -> None:
