@@ -17,6 +17,7 @@ CASES = {
     "frame_misalignment": {"frame_misalignment.angle": 0.1},
     "marker_offset": {"marker_offset.along": -0.08, "marker_offset.across": 0.02},
     "time_offset": {"time_offset.offset": 0.03},
+    "clock_rate": {"clock_rate.error": 0.01},
     "ambient_current": {"ambient_current.x": 0.05, "ambient_current.y": -0.03, "ambient_current.held": 0.5},
     "roll": {"roll.height": 0.004, "roll.frequency": 9.0, "roll.damping": 0.15},
     "lens_distortion": {"lens_distortion.curvature": 0.03, "lens_distortion.x": 0.4, "lens_distortion.y": -0.3},

@@ -30,6 +30,7 @@ SHIPPED = {
     "ambient_current",
     "axial_momentum",
     "body_lift",
+    "clock_rate",
     "clock_wander",
     "com_offset",
     "drag_law",

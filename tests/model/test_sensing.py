@@ -88,7 +88,7 @@ NAMES = (
 )  # fmt: skip
 WITH_EFFECTS = (
     ("servo_lag", "time_constant", 0.03), ("ambient_current", "x", 0.05), ("tail_compliance", "compliance", 2.0),
-    ("section_height", None, 1.05), ("time_offset", "offset", 0.004),
+    ("section_height", None, 1.05), ("time_offset", "offset", 0.004), ("clock_rate", "error", 0.004),
 )  # fmt: skip
 
 
