@@ -116,7 +116,8 @@ _LONGEST, _SHORTEST = 0.005, 0.00125
 _UNSEEN = 0.1
 #: Power of the step by which that falls, a little less than the eight of a method of fourth order.
 _POWER = 7.0
-#: Step of the derivatives in steps of the rollouts.
+#: Step of the derivatives in steps of the rollouts. Where a cause moves the joints, it is one: a joint that meets a
+#: flank or a stop jerks within a longer step, and the derivative by the width of a gap would be off by a third.
 _SLOPES = 3.0
 
 
@@ -154,7 +155,8 @@ def finer(problem: Problem, x: FloatArray, share: float) -> Problem:
 
 
 def _stepped(problem: Problem, step: float) -> Problem:
-    return replace(problem, model=replace(problem.model, step=step), slope_step=_SLOPES * step)
+    slopes = None if any(cause.overrides("drive") for cause in problem.causes) else _SLOPES * step
+    return replace(problem, model=replace(problem.model, step=step), slope_step=slopes)
 
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
@@ -336,6 +338,8 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
     base = evidence.problem
     visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
     problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
+    if effect.overrides("drive"):
+        problem = replace(problem, slope_step=None)
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
     begun = functools.partial(

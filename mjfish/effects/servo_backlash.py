@@ -6,7 +6,8 @@ import numpy as np
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Effect, Fingerprint, Values, variant
+from mjfish.fish import Fish
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import compiled, merged
 from mjfish.parameters import Parameter
@@ -15,8 +16,19 @@ from mjfish.parameters import Parameter
 _PARTS = 2
 
 
+def _plays(joints: int) -> tuple[Parameter, ...]:
+    plays = (
+        Parameter(f"servo_backlash.joint_{i}", "rad", 0.0, 0.0, 0.3, 0.02, 0.02, about=f"width of the gap of joint {i}")
+        for i in range(1, joints + 1)
+    )
+    contact = Parameter(
+        "servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
+    )
+    return *plays, contact
+
+
 class ServoBacklash(Effect):
-    """The gears have play of the total width w: after a turn-round the joint waits while the command crosses the gap.
+    """The gears of a joint have play of the total width w: after a turn-round it waits until the command is across.
 
     The play operator holds p within half a width of the command c, p(t) = max(c - w/2, min(c + w/2, p(t-))), and
     starts in the middle of the gap. Its rate jumps where a flank is met. Gears and horns give a little: what the play
@@ -26,19 +38,15 @@ class ServoBacklash(Effect):
 
     so that rate and acceleration are continuous where those of the command are. With w = 0 both d and x are zero. How
     hard gears meet is not known beforehand: T is a shape. It matters where the play is small, for the joint then spends
-    less time in the gap than on its flank.
+    less time in the gap than on its flank. Gears wear one by one: every joint has a width of its own, and `for_fish`
+    has as many as the fish.
 
     Not smooth at the null: at first order in w, d is half a width times the sign of the command's rate.
     """
 
     name, domain, mechanism = "servo_backlash", "drive", "servo_play"
     summary = "the gears of the servos have play"
-    parameters = (
-        Parameter("servo_backlash.play", "rad", 0.0, 0.0, 0.3, 0.02, 0.01, about="total width of the gap"),
-        Parameter(
-            "servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
-        ),
-    )
+    parameters = _plays(4)
     source = (
         "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "
         "(2002)"
@@ -48,11 +56,15 @@ class ServoBacklash(Effect):
     fingerprint = Fingerprint(exponent=0.0, odd=False, part="everywhere")
     smooth = False
 
+    @classmethod
+    def for_fish(cls, fish: Fish) -> Effect:
+        """Return the effect with a width for every joint of the fish."""
+        return variant(ServoBacklash, parameters=_plays(fish.joints))
+
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Take the play off the command."""
-        angle, rate, acceleration = _played(
-            np.diff(motion.time), motion.angle, motion.rate, values["play"], values["contact"]
-        )
+        plays = np.array([values[f"joint_{j + 1}"] for j in range(motion.joints)])
+        angle, rate, acceleration = _played(np.diff(motion.time), motion.angle, motion.rate, plays, values["contact"])
         return balanced(motion.time, motion.angle + angle, motion.rate + rate, motion.acceleration + acceleration)
 
 
@@ -73,7 +85,7 @@ def _advance(x: FloatArray, start: float, end: float, h: float, contact: float) 
 
 @compiled
 def _played(
-    steps: FloatArray, angle: FloatArray, rate: FloatArray, play: float, contact: float
+    steps: FloatArray, angle: FloatArray, rate: FloatArray, plays: FloatArray, contact: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, x', x'' (n, 3, joints); in each part of a half step the command is straight, so a flank has a time."""
     n, _, joints = angle.shape
@@ -95,7 +107,7 @@ def _played(
                         here = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * left + s * (1.0 - s) ** 2 * down
                         here += s * s * (3.0 - 2.0 * s) * right + s * s * (s - 1.0) * up
                         free = off[j] + before - here
-                        held = max(-0.5 * play, min(0.5 * play, free))
+                        held = max(-0.5 * plays[j], min(0.5 * plays[j], free))
                         crossing = d / _PARTS if free == held else d / _PARTS * (held - off[j]) / (free - off[j])
                         _advance(lagged[j], off[j], held, crossing, contact)
                         _advance(lagged[j], held, held, d / _PARTS - crossing, contact)

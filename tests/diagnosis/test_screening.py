@@ -125,7 +125,7 @@ def test_levels_of_runs_do_not_hide_in_the_noise(pike: Fish, off: float) -> None
 
 
 @pytest.mark.parametrize(
-    ("name", "short", "size"), [("servo_lag", "time_constant", 0.1), ("servo_backlash", "play", 0.3)]
+    ("name", "short", "size"), [("servo_lag", "time_constant", 0.1), ("servo_backlash", "joint_1", 0.3)]
 )
 def test_no_refit_under_another_noise_is_worse_than_none(pike: Fish, name: str, short: str, size: float) -> None:
     """Where an earlier refit ended may be far off under the noise that is found later."""

@@ -52,7 +52,9 @@ def test_it_is_named_beside_another_cause() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("values", [{"servo_lag.time_constant": 0.03}, {"servo_backlash.play": 0.05}])
+@pytest.mark.parametrize(
+    "values", [{"servo_lag.time_constant": 0.03}, {f"servo_backlash.joint_{i}": 0.05 for i in range(1, 5)}]
+)
 def test_a_servo_is_no_wandering_clock(values: dict[str, float]) -> None:
     found = diagnose(_pool(values), effects=catalogue(), jobs=2)
     assert not found.table.random

@@ -19,7 +19,7 @@ from mjfish.numerics.arrays import readonly
 #: Sizes that act on the trial's drive.
 SIZES = {
     "joint_zero_offset": {"joint_1": 0.02, "joint_2": -0.03, "joint_3": 0.01, "joint_4": 0.05},
-    "servo_backlash": {"play": 0.03, "contact": 0.003},
+    "servo_backlash": {**{f"joint_{i}": 0.03 for i in range(1, 5)}, "contact": 0.003},
     "servo_delay": {"time": 0.0213},
     "servo_dynamics": {"time": 0.02, "delay": 0.0117, "slowness": 0.1, "damping": 0.5, "catch_up": 150.0},
     "servo_lag": {"time_constant": 0.03},

@@ -16,6 +16,8 @@ from mjfish.numerics.arrays import FloatArray
 
 BACKLASH = find("servo_backlash")
 CONTACT = 0.003
+#: Width of the gap of every joint [rad].
+PLAYS = {f"joint_{i}": 0.04 for i in range(1, 5)}
 
 
 def _sinusoid(omega: float, duration: float, step: float = 0.005) -> JointMotion:
@@ -38,7 +40,7 @@ def _play(command: FloatArray, width: float) -> FloatArray:
 def test_what_the_play_takes_off_comes_out_through_the_lag_of_the_contact() -> None:
     """Solves T^2 x'' + 2 T x' + x = d anew, by scipy, from the play operator on a dense command."""
     omega, width = 18.0, 0.1
-    motion = BACKLASH.drive(_sinusoid(omega, 1.0), {"play": width, "contact": CONTACT})
+    motion = BACKLASH.drive(_sinusoid(omega, 1.0), {"joint_1": width, "contact": CONTACT})
     dense = np.linspace(0.0, 1.0, 200_001)
     off = _play(np.sin(omega * dense), width) - np.sin(omega * dense)
 
@@ -57,7 +59,7 @@ def test_what_the_play_takes_off_comes_out_through_the_lag_of_the_contact() -> N
 def test_a_slow_swing_loses_half_the_width_at_either_end_and_half_the_width_on_the_way() -> None:
     """Catches a total width taken for a half one, and a joint that runs ahead of its command."""
     width = 0.2
-    motion = BACKLASH.drive(_sinusoid(1.0, 4.0 * np.pi, step=0.02), {"play": width, "contact": CONTACT})
+    motion = BACKLASH.drive(_sinusoid(1.0, 4.0 * np.pi, step=0.02), {"joint_1": width, "contact": CONTACT})
     time = motion.time[:-1]
     angle = motion.angle[time > 2.0 * np.pi, 0, 0]
     command, rate = np.sin(time[time > 2.0 * np.pi]), np.cos(time[time > 2.0 * np.pi])
@@ -69,35 +71,36 @@ def test_a_slow_swing_loses_half_the_width_at_either_end_and_half_the_width_on_t
 
 def test_the_joint_stays_within_the_gap_and_starts_where_the_command_starts(pike: Fish, turning: Trial) -> None:
     command = cpg.joint_motion(pike.cpg, turning.drive, 3.0, 0.005)
-    motion = BACKLASH.drive(command, {"play": 0.04, "contact": CONTACT})
+    motion = BACKLASH.drive(command, PLAYS | {"contact": CONTACT})
     assert np.max(np.abs(motion.angle - command.angle)) <= 0.02 + 1e-12
     assert np.max(np.abs(motion.angle - command.angle)) > 0.015
     assert np.array_equal(motion.angle[0, 0], command.angle[0, 0])
     assert np.array_equal(motion.rate[0, 0], command.rate[0, 0])
 
 
-@pytest.mark.parametrize("short", ["play", "contact"])
+@pytest.mark.parametrize("short", ["joint_2", "joint_4", "contact"])
 @pytest.mark.parametrize("play", [0.01, 0.04])
 def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, play: float, short: str) -> None:
     """To a hundredth only: a flank that passes a node between steps of the drive bends the prediction there."""
-    assert derivative_error(pike, turning, BACKLASH, {"play": play, "contact": 0.004}, short) < 1e-2
+    assert derivative_error(pike, turning, BACKLASH, dict.fromkeys(PLAYS, play) | {"contact": 0.004}, short) < 1e-2
 
 
-@pytest.mark.parametrize("play", [0.01, 0.04])
-def test_hidden_play_is_found_again(pike: Fish, play: float) -> None:
-    sizes = {"play": play}
+@pytest.mark.parametrize("sizes", [dict.fromkeys(PLAYS, 0.04), {**dict.fromkeys(PLAYS, 0.0), "joint_3": 0.04}])
+def test_hidden_play_is_found_again(pike: Fish, sizes: dict[str, float]) -> None:
+    """Of all joints, or of one."""
     assert not BACKLASH.smooth
     assert strength(pike, BACKLASH, sizes) > 1.0
     found = refitted(synthetic(pike, BACKLASH, sizes), BACKLASH)
     assert found.status == "converged"
-    assert abs(deviations(found, BACKLASH, sizes)["play"]) < 4.0
-    assert found.sigma["servo_backlash.play"] < 0.001
+    worn = {short: size for short, size in sizes.items() if size}
+    assert max(map(abs, deviations(found, BACKLASH, worn).values())) < 4.0
+    assert all(abs(found.values[f"servo_backlash.{short}"] - size) < 0.004 for short, size in sizes.items())
 
 
 @pytest.mark.parametrize("contact", [0.002, 0.006])
 def test_how_hard_the_gears_meet_is_found_with_the_play(pike: Fish, contact: float) -> None:
     """Within its error, which is below a millisecond."""
-    sizes = {"play": 0.01, "contact": contact}
+    sizes = dict.fromkeys(PLAYS, 0.01) | {"contact": contact}
     found = refitted(synthetic(pike, BACKLASH, sizes), BACKLASH)
     assert max(map(abs, deviations(found, BACKLASH, sizes).values())) < 4.0
     assert found.sigma["servo_backlash.contact"] < 0.001
