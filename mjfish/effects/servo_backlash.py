@@ -22,7 +22,7 @@ def _plays(joints: int) -> tuple[Parameter, ...]:
         for i in range(1, joints + 1)
     )
     contact = Parameter(
-        "servo_backlash.contact", "s", 0.003, 0.001, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
+        "servo_backlash.contact", "s", 0.003, 0.0002, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
     )
     return *plays, contact
 
