@@ -109,7 +109,7 @@ def test_joints_with_play_are_half_a_gap_behind_their_command_either_way(pike: F
     assert pike.cpg is not None
     run = Run("a", modes.drive("v1"), 6.0)
     asked = oscillator.command(pike.cpg, run.drive, 6.0, 0.001)
-    (got,) = servos.joints(asked, run, {"servo_backlash.play": 0.1})
+    (got,) = servos.joints(asked, run, {f"servo_backlash.joint_{i}": 0.1 for i in range(1, 5)})
     behind = got.angle[3000:, 0, 3] - asked[0].angle[3000:, 0, 3]
     rate = asked[0].rate[3000:, 0, 3]
     fast = np.abs(rate) > 0.8 * np.abs(rate).max()

@@ -42,14 +42,14 @@ def looped(asked: tuple[Stretch, ...], slowness: float, lag: float) -> Iterator[
     yield from _through(asked, state, _limit, largest, 1.0 / lag, 0.0)
 
 
-def played(asked: tuple[Stretch, ...], play: float) -> Iterator[Stretch]:
+def played(asked: tuple[Stretch, ...], plays: FloatArray) -> Iterator[Stretch]:
     """The play operator; what it takes off the command comes out through a second-order lag, as gears give a little."""
     state = np.zeros((3, asked[0].angle.shape[2]))  # what the play takes off; that lagged; its rate
-    yield from _through(asked, state, _play, play, 0.0)
+    yield from _through(asked, state, _play, plays, 0.0)
 
 
 def _through(
-    asked: tuple[Stretch, ...], state: FloatArray, run: Callable[..., Any], *numbers: float
+    asked: tuple[Stretch, ...], state: FloatArray, run: Callable[..., Any], *numbers: FloatArray | float
 ) -> Iterator[Stretch]:
     for part in asked:
         angle, rate = np.empty_like(part.angle), np.empty_like(part.rate)
@@ -112,7 +112,7 @@ def _limit(command, slope, h, largest, gain, forward, state, angle, rate):  # ty
 
 
 @compiled
-def _play(command, slope, h, play, _unused, state, angle, rate):  # type: ignore[no-untyped-def]
+def _play(command, slope, h, plays, _unused, state, angle, rate):  # type: ignore[no-untyped-def]
     """Move the play and its lag; the lag by the midpoint rule."""
     d = 0.5 * h
     count = int(np.ceil(d / _PART))
@@ -126,7 +126,7 @@ def _play(command, slope, h, play, _unused, state, angle, rate):  # type: ignore
                     before = command[n, node - 1, j]
                     for m in range(count):
                         here, _ = _cubic(command, slope, n, node, j, d, (m + 1.0) / count)
-                        after = min(max(state[0, j] + before - here, -0.5 * play), 0.5 * play)
+                        after = min(max(state[0, j] + before - here, -0.5 * plays[j]), 0.5 * plays[j])
                         mean = 0.5 * (state[0, j] + after)
                         x = state[1, j] + 0.5 * e * state[2, j]
                         v = state[2, j] + 0.5 * e * (w * w * (mean - state[1, j]) - damping * state[2, j])

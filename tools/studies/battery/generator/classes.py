@@ -57,6 +57,12 @@ def _compliance(rng: np.random.Generator) -> dict[str, float]:
     return {"tail_compliance.compliance": 0.03, "tail_compliance.damping": float(rng.uniform(0.05, 0.18))}
 
 
+def _plays(rng: np.random.Generator) -> dict[str, float]:
+    """Return the same play of all joints, or of one."""
+    worn = np.ones(4) if rng.integers(2) else np.eye(4)[rng.integers(4)]
+    return {f"servo_backlash.joint_{i + 1}": 0.01 * float(one) for i, one in enumerate(worn)}
+
+
 def _stick(rng: np.random.Generator) -> dict[str, float]:
     return {
         "sticking_joint.size": 0.3,
@@ -104,7 +110,7 @@ LISTED = (
     Cause("marker_offset", _marker, 0.0, 50.0),
     Cause("servo_rate_limit", _one("servo_rate_limit.slowness", 0.1), 0.0, 5.0, exact=False),
     Cause("servo_saturation", _one("servo_saturation.psi", 0.05), 0.0, 200.0, exact=False),
-    Cause("servo_backlash", _one("servo_backlash.play", 0.01), 0.0, 30.0, exact=False),
+    Cause("servo_backlash", _plays, 0.0, 30.0, exact=False),
     Cause("joint_zero_offset", _zero, 0.0, 30.0),
     Cause("servo_lag", _one("servo_lag.time_constant", 0.001), 0.5, 200.0, exact=False),
     Cause("ambient_current", _current, 0.0, 60.0, exact=False, needs_pose=True),

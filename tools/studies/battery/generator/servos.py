@@ -34,9 +34,12 @@ def joints(asked: tuple[Stretch, ...], run: Run, psi: Psi) -> tuple[Stretch, ...
     if psi.get("servo_lag.time_constant"):
         got = tuple(actuator.second_order(got, psi["servo_lag.time_constant"]))
     got = other_servos.joints(got, psi)
-    if psi.get("servo_backlash.play"):
-        got = tuple(actuator.played(got, psi["servo_backlash.play"]))
-    zero = np.array([psi.get(f"joint_zero_offset.joint_{i + 1}", 0.0) for i in range(got[0].angle.shape[2])])
+    plays, zero = (
+        np.array([psi.get(f"{cause}.joint_{i + 1}", 0.0) for i in range(got[0].angle.shape[2])])
+        for cause in ("servo_backlash", "joint_zero_offset")
+    )
+    if np.any(plays):
+        got = tuple(actuator.played(got, plays))
     if np.any(zero):
         got = tuple(replace(part, angle=part.angle + zero) for part in got)
     return got
