@@ -3,7 +3,7 @@
 Process noise and errors of measured joint angles reach the velocities through the equation of motion, linearised along
 the rollout: its state Jacobian A and its input Jacobian B,
 
-    dv' = A(t) dv + a                                  process noise (`mjfish.noise.process`)
+    dv' = A(t) dv + a                                  process noise (`mjfish.noise.spectral`)
     dv' = A(t) dv + B(t) (dq, dq', dq''),  h = v_m - dv    errors in variables (`mjfish.noise.errors_in_variables`)
 
 with (v_m, dq) a mode of the errors of velocities and joint angles that came out of one smoother
@@ -45,8 +45,8 @@ from mjfish.noise import (
     select,
 )
 from mjfish.noise.autoregressive import grid
-from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess, forced
+from mjfish.noise.spectral import FILTERS
 from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
 from mjfish.numerics.block_angular import BlockAngular, span
 from mjfish.ode.jacobians import jacobians, linear_response
@@ -258,17 +258,10 @@ def smoothing_of(
 
 def _filters(noise: Noise) -> list[Differentiator]:
     """Return the filters that the noise may have gone through."""
+    pairs = FILTERS if isinstance(noise, Autoregressive) and noise.order else []
     if isinstance(noise, DifferentiationNoise):
-        return [Differentiator(noise.window, noise.degree, turned) for turned in (False, True)]
-    if not isinstance(noise, Autoregressive) or noise.order == 0:
-        return []
-    return [
-        Differentiator(window, degree, turned)
-        for window in WINDOWS
-        for degree in DEGREES
-        if window > degree
-        for turned in (False, True)
-    ]
+        pairs = [(noise.window, noise.degree)]
+    return [Differentiator(*pair, turned) for pair in pairs for turned in (False, True)]
 
 
 _KINDS: dict[str, Callable[..., Noise]] = {

@@ -88,6 +88,10 @@ class NoiseSample:
         """Return columns (n, 3, k) divided by `scale` as (3 n, k)."""
         return np.asarray((block / self.scale[:, None]).reshape(3 * len(block), block.shape[2]))
 
+    def _by_channel(self, columns: FloatArray) -> FloatArray:
+        """Return columns (3 n, k) that are divided by `scale` as (n, 3, k) in physical units."""
+        return np.asarray(columns.reshape(len(columns) // 3, 3, columns.shape[1]) * self.scale[:, None])
+
     def of_trials(self, index: Sequence[int]) -> NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
@@ -101,15 +105,15 @@ class NoiseSample:
         before, rows = self.columns, self.rows
         basis = span(before.beside(columns) if before.shape[1] else columns)
         del columns  # as large as the basis
-        scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
-        left = basis.off(scaled)
-        taken, apart = [], []
-        for _, own, shared in map(basis.at, rows):
-            taken.append(shared.reshape(len(shared) // 3, 3, shared.shape[1]) * self.scale[:, None])
-            apart.append(own.reshape(len(own) // 3, 3, own.shape[1]) * self.scale[:, None])
-        residuals = [left[mine].reshape(-1, 3) * self.scale for mine in rows]
-        lost = self.lost + (basis.rank - before.shape[1]) / 3.0
-        return replace(self, residuals=residuals, span=taken, apart=apart, lost=lost)
+        left = basis.off(np.concatenate([(block / self.scale).ravel() for block in self.residuals]))
+        pairs = [(self._by_channel(shared), self._by_channel(own)) for _, own, shared in map(basis.at, rows)]
+        return replace(
+            self,
+            residuals=[left[mine].reshape(-1, 3) * self.scale for mine in rows],
+            span=[shared for shared, _ in pairs],
+            apart=[own for _, own in pairs],
+            lost=self.lost + (basis.rank - before.shape[1]) / 3.0,
+        )
 
     def without_levels(self) -> NoiseSample:
         """Return what is left when the mean of every channel of every trial is taken out."""
@@ -128,7 +132,7 @@ class NoiseSample:
     def without_trial_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
         flat = (self._flat(shape()) for shape in self.shapes or [])
-        own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
+        own = [self._by_channel(orthonormal(block)) for block in flat]
         pairs = zip(self.apart, own, strict=True)
         return replace(self, apart=[np.concatenate(pair, axis=2) for pair in pairs]) if own else self
 
