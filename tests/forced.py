@@ -27,7 +27,7 @@ CALLS: Sequence[tuple[str, str, str]] = [
         ("estimation.stability", "numpy.linalg", "qr svd eigh cholesky solve slogdet"),
         ("estimation.stability", "scipy.optimize", "minimize"),
         ("estimation.agreement", "numpy.linalg", "det"),
-        ("estimation.smoothness", "numpy.linalg", "pinv svd"),
+        ("estimation.marginal_likelihood", "numpy.linalg", "pinv svd"),
         ("noise.sample", "numpy.linalg", "qr svd"),
         ("noise.autoregressive", "scipy.linalg", "solve_toeplitz solve_discrete_lyapunov eigvals"),
         ("noise.autoregressive", "numpy.linalg", "eigvalsh"),

@@ -111,7 +111,8 @@ def _write(
     fish: Path | None,
 ) -> list[Path]:
     """Write what was asked for and return the files; there are no figures of a fit that diverged."""
-    from mjfish.estimation.tables import coefficient_rows, write_rows
+    from mjfish.data.tables import write_rows
+    from mjfish.estimation.intervals import coefficient_rows
     from mjfish.files.plain_data import plain
 
     assessment = result.assessment

@@ -3,7 +3,7 @@
 from mjfish.estimation.agreement import Part, parts_of_trial
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.identification import Identification, identify
-from mjfish.estimation.optimiser_interface import residual_function
+from mjfish.estimation.nominal import residual_function
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import PREFIX, Score, held_out_covariance_root, predict_held_out
 from mjfish.estimation.settings import Settings

@@ -154,6 +154,33 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
     )
 
 
+def coefficient_rows(fit: Fit, known: Intervals | None = None) -> list[dict[str, Any]]:
+    """Return a row a free parameter: estimate, 95 % interval, standard error, and how it was declared.
+
+    Args:
+        fit: the estimates; of it are the columns ``plain_..``, which take the residuals for white noise.
+        known: intervals that hold for correlated residuals; None: no columns for them.
+    """
+    interval_of = known.to_dict()["parameters"] if known is not None else {}
+    return [
+        {
+            "parameter": p.name,
+            "unit": p.unit,
+            "estimate": fit.values[p.name],
+            "at_bound": bool(at_bound),
+            "plain_low": fit.interval(p.name)[0],
+            "plain_high": fit.interval(p.name)[1],
+            "plain_standard_error": fit.sigma[p.name],
+            **interval_of.get(p.name, {}),
+            "start": p.start,
+            "lower_bound": p.low,
+            "upper_bound": p.high,
+            "about": p.about,
+        }
+        for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True)
+    ]
+
+
 def _sandwich(
     found: Serial, blocks: Sequence[Block], measured: int, jacobian: BlockAngular, free: BoolArray
 ) -> tuple[FloatArray, FloatArray]:

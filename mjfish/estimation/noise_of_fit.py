@@ -26,8 +26,8 @@ from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
-from mjfish.estimation.clock_wander import first_size
 from mjfish.estimation.fit import Fit
+from mjfish.estimation.marginal_likelihood import first_size
 from mjfish.estimation.omnibus import by_channel, functions
 from mjfish.estimation.problem import Problem
 from mjfish.files.plain_data import restored

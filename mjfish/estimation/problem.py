@@ -163,15 +163,13 @@ class Problem:
 
         The derivatives are of what was found, as those of a prediction.
         """
-        rates, by_name = np.zeros((len(self.with_priors), len(x))), self.deviation_rates(x)
-        for row, i in enumerate(self.with_priors):
-            rates[row, i] = by_name[self.parameters[i].name]
-        return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.with_priors]), rates
+        rates, places = np.zeros((len(self.with_priors), len(x))), list(self.with_priors)
+        rates[range(len(places)), places] = [*self.deviation_rates(x).values()]
+        return np.array([-self.parameters[i].deviation(float(x[i])) for i in places]), rates
 
     def deviation_rates(self, x: FloatArray) -> dict[str, float]:
         """Return the rate of each known parameter's `deviation` by its value, by name."""
-        known = [(self.parameters[i], float(x[i])) for i in self.with_priors]
-        return {p.name: p.deviation_rate(value) for p, value in known}
+        return {self.parameters[i].name: self.parameters[i].deviation_rate(float(x[i])) for i in self.with_priors}
 
     @cached_property
     def samples(self) -> int:
@@ -275,10 +273,9 @@ class Problem:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
         lost = [(t, own, _Predicted(own.velocity, own.sensors).lost_in(t)) for t, own in predicted]
-        words = [
-            f"{trial.name} {own.message}" if own.message else f"{at} is no number" for trial, own, at in lost if at
-        ]
-        return "; ".join(words)
+        return "; ".join(
+            f"{t.name} {own.message}" if own.message else f"{at} is no number" for t, own, at in lost if at
+        )
 
     def lost_row(self, residual: FloatArray) -> str:
         """Return where a whitened residual (n,) is not finite first: channel, trial and time [s] of a velocity."""
@@ -291,8 +288,7 @@ class Problem:
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `deviation_rows`."""
         shared, own, found = self._slopes_by_trial(x, self.parameters)
-        rows = self._stacked(shared, own, (one for one, _ in found), self.measured)
-        return rows.above(self.deviation_rows(x)[1])
+        return self._stacked(shared, own, (one for one, _ in found), self.measured).above(self.deviation_rows(x)[1])
 
     def jacobian_of(self, slopes: Slopes, x: FloatArray) -> BlockAngular:
         """Return the same of derivatives by all free parameters that are known already."""
@@ -382,12 +378,11 @@ class Problem:
     ) -> tuple[IntArray, list[IntArray], Iterator[tuple[_Predicted, dict[str, str]]]]:
         """Return `shared` and `own` of the slopes by some parameters; of each trial the others, and what is lost."""
         here = self.named(x)
-        shared = np.array([k for k, p in enumerate(chosen) if ":" not in p.name], dtype=np.intp)
-        names = {trial.name: list[int]() for trial in self.trials}
+        places: dict[str, list[int]] = {}
         for k, p in enumerate(chosen):
-            if ":" in p.name:
-                names[p.name.rpartition(":")[0]].append(k)
-        own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
+            places.setdefault(p.name.rpartition(":")[0], []).append(k)
+        names = ("", *(trial.name for trial in self.trials))
+        shared, *own = (np.array(places.get(name, []), dtype=np.intp) for name in names)
 
         def counted(index: int) -> tuple[_Predicted, dict[str, str]]:
             asked = [chosen[k] for k in (*shared, *own[index])]
@@ -395,8 +390,8 @@ class Problem:
             each = (
                 _Predicted(found.velocity[..., k], tuple(b[..., k] for b in found.sensors)) for k in range(len(asked))
             )
-            places = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
-            lost = dict(places) if found.lost else {}  # before the derivatives become 0 there
+            words = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
+            lost = dict(words) if found.lost else {}  # before the derivatives become 0 there
             return self._counted(index, found), lost
 
         return shared, own, mapped(counted, range(len(self.trials)))
@@ -514,21 +509,10 @@ class Problem:
         None counts of a trial without any velocity.
         """
         trial = self.trials[index]
-        if not trial.measured.any():
-            return np.zeros(len(trial.time), dtype=np.bool_)
-        keep = np.ones(len(trial.time), dtype=np.bool_)
-        beside = 1.5 * trial.step
-        if self.smoothing is not None:
-            reach = self.smoothing.reach(trial.step)
-            beside += reach
-            keep &= (trial.time >= trial.time[0] + reach) & (trial.time <= trial.time[-1] - reach)
-        for segment in trial.drive[1:]:
-            keep &= np.abs(trial.time - segment.start) > beside
-        if trial.joint_angle is not None:
-            keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
+        reach = self.smoothing.reach(trial.step) if self.smoothing is not None else 0.0
+        keep = self._inside(index, trial.time, 1.5 * trial.step + reach, *self._window(index), margin=reach)
         keep[: self.ends] = keep[len(keep) - self.ends :] = False
-        begin, end = self._window(index)
-        return np.asarray(keep & (trial.time >= begin) & (trial.time <= end))
+        return np.asarray(keep & trial.measured.any())
 
     def sensor_mask(self, index: int, sensor: Sensor) -> BoolArray:
         """Return which samples (m,) of a sensor of a trial count: those within it, not beside a step of the drive.
@@ -543,12 +527,22 @@ class Problem:
 
     def _between(self, index: int, sensor: Sensor, begin: float, end: float) -> BoolArray:
         """Return which samples (m,) of a sensor would count, were this the window."""
+        return self._inside(index, sensor.time, 1.5 * sensor.step, begin, end, margin=-1e-9)
+
+    def _inside(
+        self, index: int, time: FloatArray, beside: float, begin: float, end: float, margin: float
+    ) -> BoolArray:
+        """Return which times (m,) are in a window, not beside a step of the drive of a trial, nor at its ends.
+
+        These are as long as a margin [s], and where the joints were measured as `MARGIN`.
+        """
         trial = self.trials[index]
-        inside = -1e-9 if trial.joint_angle is None else MARGIN
-        begin, end = max(begin, trial.time[0] + inside), min(end, trial.time[-1] - inside)
-        keep = np.asarray((sensor.time >= begin) & (sensor.time <= end))
+        if trial.joint_angle is not None:
+            margin = max(margin, MARGIN)
+        begin, end = max(begin, trial.time[0] + margin), min(end, trial.time[-1] - margin)
+        keep = np.asarray((time >= begin) & (time <= end))
         for segment in trial.drive[1:]:
-            keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
+            keep &= np.abs(time - segment.start) > beside
         return keep
 
     def sigma_of(self, sensor: Sensor) -> FloatArray:
@@ -628,9 +622,12 @@ class Problem:
             pose = np.array(
                 [values.get(f"{trial.name}:start.{name}", float(v)) for name, v in zip(POSE, measured, strict=True)]
             )
-        offsets = {s.name: values.get(f"{trial.name}:{s.clock}", 0.0) for s in trial.sensors}
-        offset = values.get(f"{trial.name}:clock.offset", 0.0)
-        return {"velocity": velocity, "offset": offset, "pose": pose, "sensor_offsets": offsets}
+        return {
+            "velocity": velocity,
+            "offset": values.get(f"{trial.name}:clock.offset", 0.0),
+            "pose": pose,
+            "sensor_offsets": {s.name: values.get(f"{trial.name}:{s.clock}", 0.0) for s in trial.sensors},
+        }
 
 
 #: Sensors that see where the run began, and its heading there.
@@ -683,16 +680,11 @@ def _of_sensors(trial: Trial) -> Iterator[Parameter]:
 
 def _first_pose(trial: Trial) -> tuple[float, float, float]:
     """Return a first guess of x, y [m], yaw [rad] at the start: as measured, else by the first part of a track."""
-    found = np.full(3, np.nan) if trial.pose is None else trial.pose[0].copy()
-    for sensor in trial.sensors:
-        first = sensor.values[0]
-        if sensor.kind == "heading" and np.isnan(found[2]):
-            found[2] = first[0]
-        if sensor.kind == "position" and np.isnan(found[0]):
-            found[:2] = first
-    for sensor in trial.sensors:
-        if sensor.kind == "position" and np.isnan(found[2]):
-            moved = sensor.values[int(_FIRST_PART * len(sensor.time))] - sensor.values[0]
-            found[2] = np.arctan2(moved[1], moved[0])
-    x, y, yaw = np.nan_to_num(found)
-    return float(x), float(y), float(yaw)
+    measured = np.full(3, np.nan) if trial.pose is None else trial.pose[0]
+    tracks, headings = ([s.values for s in trial.sensors if s.kind == kind] for kind in ("position", "heading"))
+    moved = [track[int(_FIRST_PART * len(track))] - track[0] for track in tracks]
+    places = [measured[:2], *(track[0] for track in tracks)]
+    yaws = [measured[2], *(heading[0, 0] for heading in headings), *(np.arctan2(y, x) for x, y in moved)]
+    x, y = next((place for place in places if not np.isnan(place[0])), places[0])
+    yaw = next((angle for angle in yaws if not np.isnan(angle)), np.nan)
+    return float(np.nan_to_num(x)), float(np.nan_to_num(y)), float(np.nan_to_num(yaw))

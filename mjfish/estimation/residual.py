@@ -53,28 +53,22 @@ def channel_errors(problem: Problem, x: FloatArray) -> list[tuple[ChannelError, 
 
 
 def _channel_errors(problem: Problem, x: FloatArray, index: int, left: FloatArray) -> tuple[ChannelError, ...]:
-    trial = problem.trials[index]
-    if trial.measured.any():
-        mask = problem.mask(index)
-        return tuple(
-            _channel_error(name, UNITS[name], trial.time[mask], trial.velocity[:, c], mask, left[:, c])
-            for c, name in enumerate(CHANNELS)
-            if trial.measured[c]
-        )
+    trial, mask = problem.trials[index], problem.mask(index)
+    found = [
+        (name, UNITS[name], trial.time[mask], trial.velocity[:, c], mask, left[:, c])
+        for c, name in enumerate(CHANNELS)
+        if trial.measured[c]
+    ]
+    for own in of_sensors(problem, x, index) if not found else ():
+        sensor, scored, error = own.sensor, own.scored, own.sensor.values - own.predicted
+        found += [
+            (f"{sensor.name} {name}", unit, sensor.time[scored], sensor.values[:, c], scored, error[scored, c])
+            for c, (name, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True))
+        ]
     return tuple(
-        _channel_error(
-            f"{own.sensor.name} {name}", unit, own.sensor.time[own.scored], own.sensor.values[:, c], own.scored,
-            (own.sensor.values - own.predicted)[own.scored, c],
-        )
-        for own in of_sensors(problem, x, index)
-        for c, (name, unit) in enumerate(zip(own.sensor.channels, own.sensor.units, strict=True))
-    )  # fmt: skip
-
-
-def _channel_error(
-    name: str, unit: str, time: FloatArray, every: FloatArray, mask: BoolArray, left: FloatArray
-) -> ChannelError:
-    return ChannelError(name, unit, time, every[mask], left, (float(every.min()), float(every.max())))
+        ChannelError(name, unit, time, every[there], error, (float(every.min()), float(every.max())))
+        for name, unit, time, every, there, error in found
+    )
 
 
 @dataclass(frozen=True, eq=False)
