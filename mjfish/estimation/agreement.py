@@ -218,8 +218,7 @@ def criteria(problem: Problem, fit: Fit, *, noise: Literal["estimated", "stated"
     free = int(np.count_nonzero(~fit.at_bound))
     if fit.lost or not problem.complete:
         return Criteria(0, free, *(np.nan,) * 5)
-    masks = [problem.mask(i) for i in range(len(problem.trials))]
-    determinant = sum(problem.noise.log_determinant(t, mask) for t, mask in zip(problem.trials, masks, strict=True))
+    determinant = sum(problem.noise.log_determinant(t, problem.mask(i)) for i, t in enumerate(problem.trials))
     white = fit.residual[: problem.samples].reshape(-1, len(CHANNELS))
     return of_whitened(white, problem.noise, determinant, free, stated=noise == "stated")
 
@@ -234,10 +233,9 @@ def of_whitened(white: FloatArray, noise: Noise, determinant: float, free: int, 
         size = np.maximum(np.mean(white**2, axis=0), 1e-300)
         determinant, squares = determinant + len(white) * float(np.sum(np.log(size))), float(white.size)
         counted += len(size) * (1 + noise.order)
-    n = white.size
+    n, spare = white.size, white.size - counted - 1
     likelihood = -0.5 * (n * float(np.log(2.0 * np.pi)) + determinant + squares)
     aic = -2.0 * likelihood + 2.0 * counted
-    spare = n - counted - 1
     return Criteria(
         samples=n,
         parameters=counted,

@@ -299,25 +299,23 @@ def identify(
 def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], None] | None) -> Identification:
     dataset = aligned(dataset)
     trials, held = dataset.split()
-    stated = dataset.noise
     problem = pose(dataset, settings)
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best
     remarks = (*_of_recordings(dataset.trials), *_remarks(trials))
-    weighed = stated is None and settings.weights == "noise" and any(trial.measured.any() for trial in trials)
-    unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
+    weighed = dataset.noise is None and settings.weights == "noise" and any(trial.measured.any() for trial in trials)
     for _ in range(2 if weighed or problem.sensors else 0):
         if solution.lost:
             break
         if weighed:
-            sigma = np.maximum(_spread(problem, solution.x, settings.loss), floor(trials))
-            problem = replace(problem, noise=white(sigma))
+            spread = np.maximum(_spread(problem, solution.x, settings.loss), floor(trials))
+            problem = replace(problem, noise=white(spread))
         problem = with_sensor_noise(problem, solution.x)
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
     if weighed:
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
-    for name in dict.fromkeys(sensor.name for sensor in unknown):
+    for name in dict.fromkeys(sensor.name for _, sensor in problem.sensors if sensor.sigma is None):
         remarks += (f"{name}: no sigma stated; its weights are that of the third differences of the residual",)
     residuals = fitted(problem, solution.x)
     try:
@@ -333,8 +331,11 @@ def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], No
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
     try:
-        told = (*remarks, *joints_in_words(problem))
-        assessed = replace(found, remarks=told, assessment=assess(problem, solution, residuals))
+        assessed = replace(
+            found,
+            remarks=(*remarks, *joints_in_words(problem)),
+            assessment=assess(problem, solution, residuals),
+        )
         _ = assessed.posterior  # computed now, where its failure can still be said
     except MjfishError:
         raise
@@ -380,17 +381,20 @@ def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
 
 
 def _score(residual: Residual) -> TrialScore:
-    error = residual.values[residual.scored]
-    if not len(error):
-        return TrialScore(residual.trial.name, residual.role, (np.nan,) * 3)
-    nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
-    return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
+    rmse = _rmse(residual.values[residual.scored])
+    surge, sway, yaw_rate = (rmse / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)).tolist()
+    return TrialScore(residual.trial.name, residual.role, (surge, sway, yaw_rate))
+
+
+def _rmse(error: FloatArray) -> FloatArray:
+    """Return the root mean square (c,) of errors (n, c); NaN without any."""
+    return np.sqrt(np.mean(error**2, axis=0)) if len(error) else np.full(error.shape[1], np.nan)
 
 
 def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
     for own in residual.sensors:
         sensor, error = own.sensor, (own.sensor.values - own.predicted)[own.scored]
-        rmse = np.sqrt(np.mean(error**2, axis=0)) if len(error) else np.full(len(sensor.channels), np.nan)
+        rmse = _rmse(error)
         reach = np.maximum(np.ptp(sensor.values, axis=0), 1e-12)
         for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True)):
             yield SensorScore(
@@ -416,8 +420,7 @@ def identified_fish(
     fish = dataset.fish
     declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
     values = {name: value for name, value in {**fixed, **fit.values}.items() if name in declared}
-    known = {name: declared[name].expected for name in values}
-    changed = {name: replace(declared[name], default=v, mean=known[name]) for name, v in values.items()}
+    changed = {name: replace(declared[name], default=v, mean=declared[name].expected) for name, v in values.items()}
     intervals = {p.name: interval(p.name) for p in fit.parameters if ":" not in p.name}
     fish = fish.with_numbers(fit.values).with_coefficients(changed)
     return with_origin(fish, dataset, f"{fit.status}: {fit.message}", intervals)

@@ -244,7 +244,7 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
     p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
-    text = _words(p_value_combined >= alpha, p_value_combined, ranked[0], len(problem.trials))
+    stable = p_value_combined >= alpha
     return Stability(
         statistic,
         degrees_of_freedom,
@@ -252,9 +252,9 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
         ranked,
         p_value_of_first,
         p_value_combined,
-        p_value_combined >= alpha,
+        stable,
         alpha,
-        text,
+        _words(stable, p_value_combined, ranked[0], len(problem.trials)),
         scatter(problem, fit, small),
     )
 
