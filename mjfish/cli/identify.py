@@ -181,7 +181,7 @@ def _sensors(result: Identification) -> Table:
 
 def _fits(assessment: Assessment) -> Table:
     """Fit percentages of whole trials: simulated, and predicted some samples ahead."""
-    from mjfish.estimation.agreement import HORIZONS
+    from mjfish.estimation.residual import HORIZONS
     from mjfish.fish.frames import CHANNELS
 
     horizons = (None, *HORIZONS)

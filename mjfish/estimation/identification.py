@@ -13,14 +13,13 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import NUMERIC, MjfishError, reason_of
-from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals, posterior
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem, white
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residual import Residual, fitted, held_out
+from mjfish.estimation.residual import Agreement, Criteria, Residual, agreement, criteria, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings

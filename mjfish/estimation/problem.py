@@ -14,8 +14,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.estimation.time_limit import check_time
-from mjfish.execution import mapped
+from mjfish.execution import check_time, mapped
 from mjfish.files.plain_data import plain
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
@@ -81,9 +80,14 @@ class _Predicted:
     sensors: tuple[FloatArray, ...]
 
     @property
+    def blocks(self) -> tuple[FloatArray, ...]:
+        """Both."""
+        return self.velocity, *self.sensors
+
+    @property
     def lost(self) -> bool:
         """Whether the rollout did not reach every sample."""
-        return not all(np.all(np.isfinite(block)) for block in (self.velocity, *self.sensors))
+        return not all(np.all(np.isfinite(block)) for block in self.blocks)
 
     def lost_in(self, trial: Trial) -> str:
         """Return the first number that is not finite: its channel, trial and time [s]; empty where there is none."""
@@ -245,19 +249,12 @@ class Problem:
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
         """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
-        return [
-            velocity_residual(trial, predicted.velocity)[self.mask(i)]
-            for i, (trial, predicted) in enumerate(zip(self.trials, self._run(x), strict=True))
-        ]
+        return self._counted_residuals(self._run(x))
 
     def raw_and_sensors(self, x: FloatArray) -> Slopes:
         """Return the residuals as one column, (n_r, 3, 1) a trial, and those of the sensors (m, 1), whitened."""
-        predicted = self._run(x)
-        velocity = [
-            velocity_residual(trial, own.velocity)[self.mask(i)][:, :, None]
-            for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True))
-        ]
-        one = np.zeros(1, dtype=np.intp)
+        predicted, one = self._run(x), np.zeros(1, dtype=np.intp)
+        velocity = [block[:, :, None] for block in self._counted_residuals(predicted)]
         sensors = [block[:, None] for block in self._sensor_residuals(predicted)]
         return Slopes(one, [one[:0]] * len(self.trials), velocity, sensors)
 
@@ -462,22 +459,19 @@ class Problem:
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
                 for block in (slopes, *read):
                     block[:, :, column] /= here[chosen[k].name]
-        slopes = self._smoothed(trial, slopes)
+        found = _Predicted(self._smoothed(trial, slopes), read)
         if not rough:
-            return _Predicted(slopes, read)
-        result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
-        beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
-        result[:, :, exact] = slopes
-        for whole, block in zip(beside, read, strict=True):
+            return found
+        blocks = [np.zeros((*block.shape[:2], len(chosen))) for block in found.blocks]
+        for whole, block in zip(blocks, found.blocks, strict=True):
             whole[:, :, exact] = block
         base = self._predict((trial, dict(here)))
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             near, far = (self._predict((trial, {**here, name: here[name] + by})) for by in (h, 2.0 * h))
-            result[:, :, k] = (2.0 * near.velocity - 1.5 * base.velocity - 0.5 * far.velocity) / h
-            for whole, *three in zip(beside, near.sensors, base.sensors, far.sensors, strict=True):
+            for whole, *three in zip(blocks, near.blocks, base.blocks, far.blocks, strict=True):
                 whole[:, :, k] = (2.0 * three[0] - 1.5 * three[1] - 0.5 * three[2]) / h
-        return _Predicted(result, beside)
+        return _Predicted(blocks[0], tuple(blocks[1:]))
 
     @cached_property
     def _sloping(self) -> Model:
@@ -571,14 +565,14 @@ class Problem:
         return {**self.fixed, **{p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}}
 
     def _stack(self, predicted: list[_Predicted]) -> FloatArray:
-        parts = []
-        for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
-            keep = self.mask(i)
-            if own.lost:
-                parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
-            else:
-                parts.append(self.whitened(i, velocity_residual(trial, own.velocity)[keep]).ravel())
-        return np.concatenate([*parts, *(self._sensor_residuals(predicted) if self.sensors else ())])
+        white = [self.whitened(i, left).ravel() for i, left in enumerate(self._counted_residuals(predicted))]
+        velocities = [np.full_like(w, LOST) if own.lost else w for w, own in zip(white, predicted, strict=True)]
+        return np.concatenate([*velocities, *(self._sensor_residuals(predicted) if self.sensors else ())])
+
+    def _counted_residuals(self, predicted: list[_Predicted]) -> list[FloatArray]:
+        """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
+        pairs = enumerate(zip(self.trials, predicted, strict=True))
+        return [velocity_residual(trial, own.velocity)[self.mask(i)] for i, (trial, own) in pairs]
 
     def _sensor_residuals(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""

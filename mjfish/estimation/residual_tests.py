@@ -127,12 +127,9 @@ class Series:
 
 def series_of(problem: Problem, blocks: Sequence[Block]) -> list[Series]:
     """Return every channel that was measured of the blocks of a problem."""
-    trials, found = {trial.name: i for i, trial in enumerate(problem.trials)}, []
-    for block in blocks:
-        index = trials[block.trial]
-        channels = _channels(problem.trials[index], block.series)
-        found += [Series(index, name, block, column) for column, name in channels]
-    return found
+    places = {trial.name: i for i, trial in enumerate(problem.trials)}
+    at = [(places[block.trial], block) for block in blocks]
+    return [Series(i, name, block, c) for i, block in at for c, name in _channels(problem.trials[i], block.series)]
 
 
 def _channels(trial: Trial, series: str) -> list[tuple[int, str]]:
@@ -377,11 +374,9 @@ class _Setting:
 
     def spread(self) -> FloatArray:
         """Return Q_s' Omega Q_s (k, k); Omega is 1 in the rows behind the measured ones, of what is known before."""
-        shared = self.basis.shared
+        shared, rows = self.basis.shared, self.problem.trial_rows
         known = shared[self.problem.measured :]
-        parts = (
-            self._quadratic(trial, shared[self.problem.trial_rows[trial]]) for trial in {o.trial for o in self.series}
-        )
+        parts = (self._quadratic(trial, shared[rows[trial]]) for trial in {o.trial for o in self.series})
         return np.asarray(sum(parts, known.T @ known))
 
     def scores(self, series: Series, name: str) -> _Scores:
@@ -560,9 +555,9 @@ def residual_tests(problem: Problem, fit: Fit, *, lags: int = LAGS) -> ResidualT
     series = series_of(problem, serial_blocks(problem, fit.residual))
     white, independent = whiteness(series, problem.noise.order, lags=lags), independence(problem, fit, series)
     p_white, p_independent = _least(white), _least(independent)
-    if not white or not independent:
-        return ResidualTests(white, independent, p_white, p_independent, "untested")
     status: Status = "dependent" if p_independent < LEVEL else "coloured" if p_white < LEVEL else "passed"
+    if not white or not independent:
+        status = "untested"
     return ResidualTests(white, independent, p_white, p_independent, status)
 
 

@@ -99,8 +99,7 @@ class Model:
         """Give each effect the parameters that this fish has; refuse one that is there twice."""
         check("Model: fish", self.fish, Fish)
         check("Model: effects", self.effects, tuple[Effect, ...])
-        effects = tuple(effect.for_fish(self.fish) or effect for effect in self.effects)
-        object.__setattr__(self, "effects", effects)
+        object.__setattr__(self, "effects", tuple(effect.for_fish(self.fish) or effect for effect in self.effects))
         names = [effect.name for effect in self.effects]
         if len(set(names)) < len(names):
             raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")
@@ -335,10 +334,8 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
         return step
     link, outline = fish.links[-1], outlines(fish)[-1]
     c_m, c_d = (max(values[f"{kind}.{link.group}"], 0.0) for kind in ("c_m", "c_d"))
-    inertia = link.inertia + link.mass * link.com**2 + c_m * float(outline.added[2])
-    inertia *= 0.5
-    second_moment = float(outline.height_moment[-1, 2])
-    drag = fish.density * c_d * _RECOIL * _tail_speed(fish.links, asked) * second_moment
+    inertia = 0.5 * (link.inertia + link.mass * link.com**2 + c_m * float(outline.added[2]))
+    drag = fish.density * c_d * _RECOIL * _tail_speed(fish.links, asked) * float(outline.height_moment[-1, 2])
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
     octaves = 0.5 * np.ceil(2.0 * np.log2(max(max(step, _COARSE) * rate / _STIFFNESS, 1.0)))
     return float(step / 2.0 ** min(octaves, _FINEST))
