@@ -93,7 +93,7 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
     from mjfish.estimation.intervals import profiles
 
-    if result.assessment is None or result.problem is None:
+    if result.assessment is None:
         return []
     found: list[Profile] = []
     for profile in profiles(result.problem, result.fit, names, known=result.assessment.intervals):

@@ -74,8 +74,12 @@ def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
         return trial
     known = trial.wave.frequency
     frequency = values.get(f"{trial.name}:{FREQUENCY}", known) - known
-    own = values.get(f"{trial.name}:{SCALE}", 1.0) * values.get(SCALE, 1.0)
-    return _clocked(trial, frequency, values.get(f"{trial.name}:{PHASE}", 0.0), own)
+    return _clocked(
+        trial,
+        frequency,
+        values.get(f"{trial.name}:{PHASE}", 0.0),
+        values.get(f"{trial.name}:{SCALE}", 1.0) * values.get(SCALE, 1.0),
+    )
 
 
 @functools.lru_cache(maxsize=64)

@@ -157,10 +157,16 @@ def minimise(
             break
         x, here, cost = moved, there, new
         del jacobian  # not two at once
-    status: Literal["converged", "stopped"] = "converged" if message else "stopped"
-    message = message or f"the most evaluations were used, {evaluations}"
-    gradient = -triangle.transposed_times(turned)
-    return Minimum(x, here[: len(here) - len(mean)], jacobian, gradient, cost, done, status, message)
+    return Minimum(
+        x=x,
+        residual=here[: len(here) - len(mean)],
+        jacobian=jacobian,
+        gradient=-triangle.transposed_times(turned),
+        cost=cost,
+        evaluations=done,
+        status="converged" if message else "stopped",
+        message=message or f"the most evaluations were used, {evaluations}",
+    )
 
 
 def _step(
@@ -526,12 +532,11 @@ def multistart(
     order = int(np.argmin(costs))
     best = fit(problem, optima[order], **robust)  # type: ignore[arg-type]
     costs[order] = min(costs[order], _cost(best))
-    slack = max(SAME * float(costs.min()), 1.0)
     return MultiStart(
         best=replace(best, evaluations=best.evaluations + int(evaluations.sum())),
         costs=costs,
         optima=optima,
-        reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
+        reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + max(SAME * float(costs.min()), 1.0)))),
     )
 
 

@@ -126,11 +126,14 @@ def _pair(parameters: list[Parameter], changes: FloatArray, correlation: float) 
     first, second = (p.name for p in parameters)
     lost = abs(correlation) > _LOST or _open(parameters, changes)
     digits = int(np.clip(np.ceil(-np.log10(max(1.0 - abs(correlation), 1e-12))), 2, 6))
-    text = (
+    return Weakness(
+        "pair",
+        (first, second),
+        tuple(changes.tolist()),
+        correlation,
         f"{first} and {second} {'cannot be told' if lost else 'are hard to tell'} apart on these data: "
-        f"correlation {correlation:.{digits}f}"
+        f"correlation {correlation:.{digits}f}",
     )
-    return Weakness("pair", (first, second), tuple(changes.tolist()), correlation, text)
 
 
 def _combination(parameters: list[Parameter], changes: FloatArray) -> Weakness:
@@ -139,5 +142,10 @@ def _combination(parameters: list[Parameter], changes: FloatArray) -> Weakness:
     lost = _open(parameters, changes)
     head = f"only a combination of {listed} is seen" if lost else f"{listed} are hard to tell apart"
     moves = [f"{name} by {change:+.2g}" for name, change in zip(names, changes, strict=True)]
-    text = f"{head} on these data: {', '.join(moves[:-1])} and {moves[-1]} together change no more than the noise does"
-    return Weakness("combination", tuple(names), tuple(changes.tolist()), None, text)
+    return Weakness(
+        "combination",
+        tuple(names),
+        tuple(changes.tolist()),
+        None,
+        f"{head} on these data: {', '.join(moves[:-1])} and {moves[-1]} together change no more than the noise does",
+    )

@@ -117,9 +117,9 @@ class Identification(Result):
         noise: sigma (3,) of the measured velocities that the weights are made of.
         scores: of every trial; held-out ones without what their own nuisance parameters were fitted on.
         remarks: what a reader should know.
+        problem: that was fitted, with its final weights.
         starts: fits from a Latin hypercube.
         reached: share of them that reached the best optimum.
-        problem: that was fitted, with its final weights.
         assessment: what the data say about the fit; None where it diverged or failed.
         sensor_scores: of every channel of every sensor, scored as the velocities are.
     """
@@ -129,22 +129,21 @@ class Identification(Result):
     noise: FloatArray
     scores: tuple[TrialScore, ...]
     remarks: tuple[str, ...]
+    problem: Problem
     starts: int = 1
     reached: float = 1.0
-    problem: Problem | None = None
     assessment: Assessment | None = None
     sensor_scores: tuple[SensorScore, ...] = ()
 
     @cached_property
     def fish(self) -> Fish:
         """The fish with what was found, and where it comes from: body, dataset, range of the runs, 95 % intervals."""
-        told = self.problem.fixed if self.problem is not None else {}
-        return identified_fish(self.dataset, self.fit, told, self.interval)
+        return identified_fish(self.dataset, self.fit, self.problem.fixed, self.interval)
 
     @cached_property
     def posterior(self) -> Posterior | None:
         """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged or failed."""
-        if self.problem is None or self.assessment is None:
+        if self.assessment is None:
             return None
         return posterior(self.problem, self.fit, self.fish, self.assessment.stability.scatter, correlated=True)
 
@@ -197,7 +196,8 @@ class Identification(Result):
             "cost": solution.sse,
             "starts": self.starts,
             "reached": self.reached,
-            "samples": solution.count if self.problem is None else self._rows(self.problem),
+            # measured numbers, and what is known of parameters
+            "samples": self.problem.numbers + solution.count - self.problem.measured,
             "noise": plain(self.noise),
             "parameters": {
                 p.name: {
@@ -218,10 +218,6 @@ class Identification(Result):
             "assessment": plain(self.assessment),
             "posterior": plain(self.posterior),
         }
-
-    def _rows(self, problem: Problem) -> int:
-        """Return how many numbers were fitted: measured ones, and what is known of parameters."""
-        return problem.numbers + self.fit.count - problem.measured
 
 
 def _listed(scores: Sequence[SensorScore]) -> str:
@@ -325,8 +321,7 @@ def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], No
         remarks += (f"held-out trials are not scored: {reason_of(error)}",)
     found = Identification(
         dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals),
-        remarks,
-        settings.starts, many.reached, problem, None,
+        remarks, problem, settings.starts, many.reached, None,
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
     try:

@@ -317,7 +317,6 @@ def profile(
     points = [*down[::-1], start, *up]
     best = min(points, key=lambda point: point.rise)
     better = best.rise < -_BETTER * threshold
-    values = np.insert(best.others, index, best.value)
     return Profile(
         name=name,
         unit=fitted.parameters[index].unit,
@@ -334,7 +333,7 @@ def profile(
         low_side=low_side,
         high_side=high_side,
         status="better_optimum" if better else ("ok" if low_side == high_side == "crossed" else "open"),
-        better=dict(zip(names, values.tolist(), strict=True)) if better else {},
+        better=dict(zip(names, np.insert(best.others, index, best.value).tolist(), strict=True)) if better else {},
     )
 
 

@@ -144,9 +144,8 @@ class Problem:
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
         own = (p for trial in self.trials for p in nuisances(trial, self.free_clock, self.walk))
-        scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials)]
-        scaled = (clocks.scale(name) for name in scales if name in self.declared)
-        every = (*self.model.parameters, *own, *scaled)
+        scales = (clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials))
+        every = (*self.model.parameters, *own, *(clocks.scale(name) for name in scales if name in self.declared))
         return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
 
     @property
@@ -193,8 +192,8 @@ class Problem:
     @cached_property
     def sensor_rows(self) -> list[slice]:
         """Where the rows of each of `sensors` stand in a whitened residual; in them a sample is a row of channels."""
-        counts = [np.count_nonzero(self.sensor_mask(i, s)) * len(s.channels) for i, s in self.sensors]
-        return blocks_of([self.samples, *map(int, counts)])[1:]
+        counts = (int(np.count_nonzero(self.sensor_mask(i, s))) * len(s.channels) for i, s in self.sensors)
+        return blocks_of([self.samples, *counts])[1:]
 
     @cached_property
     def numbers(self) -> int:
@@ -255,8 +254,9 @@ class Problem:
         """Return the residuals as one column, (n_r, 3, 1) a trial, and those of the sensors (m, 1), whitened."""
         predicted, one = self._run(x), np.zeros(1, dtype=np.intp)
         velocity = [block[:, :, None] for block in self._counted_residuals(predicted)]
-        sensors = [block[:, None] for block in self._sensor_residuals(predicted)]
-        return Slopes(one, [one[:0]] * len(self.trials), velocity, sensors)
+        return Slopes(
+            one, [one[:0]] * len(self.trials), velocity, [block[:, None] for block in self._sensor_residuals(predicted)]
+        )
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
@@ -313,8 +313,9 @@ class Problem:
 
     def velocity_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
-        blocks = (_Predicted(block, ()) for block in slopes.velocity)
-        return self._stacked(slopes.shared, slopes.per_trial, blocks, self.samples)
+        return self._stacked(
+            slopes.shared, slopes.per_trial, (_Predicted(block, ()) for block in slopes.velocity), self.samples
+        )
 
     def _measured_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`measured`, k) of velocities and sensors."""
@@ -440,8 +441,11 @@ class Problem:
         sensors, begin = self.trials[index].sensors, self._window(index)[0]
         if self.joint_errors is None or begin == -np.inf:
             return [np.zeros_like(block) for block in left]
-        before = [self._between(index, s, -np.inf, np.nextafter(begin, -np.inf)) for s in sensors]
-        errors = self.joint_errors(self.trials[index], [self.sigma_of(s) for s in sensors], before)
+        errors = self.joint_errors(
+            self.trials[index],
+            [self.sigma_of(s) for s in sensors],
+            [self._between(index, s, -np.inf, np.nextafter(begin, -np.inf)) for s in sensors],
+        )
         return [np.zeros_like(block) for block in left] if errors is None else errors.explained(left)
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
@@ -451,9 +455,8 @@ class Problem:
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
-        names = [own[k] for k in exact]
         slopes, read = with_sensors(
-            model, clocks.clocked(trial, here), here, names, **self._trial_arguments(trial, here)
+            model, clocks.clocked(trial, here), here, [own[k] for k in exact], **self._trial_arguments(trial, here)
         )
         for column, k in enumerate(exact):
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
@@ -545,8 +548,7 @@ class Problem:
 
     def rows_by_trial(self) -> list[slice]:
         """Return where the rows of the velocities of each trial stand in a whitened residual."""
-        counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
-        return blocks_of([len(CHANNELS) * samples for samples in counted])
+        return blocks_of([len(CHANNELS) * int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials))])
 
     @cached_property
     def trial_rows(self) -> list[IntArray]:
@@ -646,8 +648,7 @@ def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parame
         rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, trial.velocity[0], strict=True)
         for channel, scale, reach, sd, measured in rows:
             centre = float(np.nan_to_num(measured))
-            name, unit = f"{trial.name}:start.{channel}", UNITS[channel]
-            own = Parameter(name, unit, centre, centre - reach, centre + reach, centre, scale, about="at the start")
+            own = _at_start(f"{trial.name}:start.{channel}", UNITS[channel], centre, reach, scale)
             declared.append(own if np.isnan(measured) else replace(own, sd=sd))
     if free_clock:
         declared.append(
@@ -656,19 +657,27 @@ def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parame
     return (*declared, *clocks.parameters(trial), *clocks.walk(trial, walk), *_of_sensors(trial))
 
 
+def _at_start(name: str, unit: str, centre: float, reach: float, scale: float) -> Parameter:
+    return Parameter(name, unit, centre, centre - reach, centre + reach, centre, scale, about="at the start")
+
+
 def _of_sensors(trial: Trial) -> Iterator[Parameter]:
     """Yield the pose at the start, as far as sensors see it, and the offsets of their clocks."""
     seen = {name for sensor in trial.sensors for name in _SEES_POSE.get(sensor.kind, ())}
     for name, centre, scale, reach in zip(POSE, _first_pose(trial), _POSE_SCALE, _POSE_RANGE, strict=True):
         if name in seen:
-            low, high = centre - reach, centre + reach
-            unit = columns.UNITS[name]
-            yield Parameter(f"{trial.name}:start.{name}", unit, centre, low, high, centre, scale, about="at the start")
+            yield _at_start(f"{trial.name}:start.{name}", columns.UNITS[name], centre, reach, scale)
     for sensor in trial.sensors:
         if sensor.free_clock:
-            about = f"clock offset of {sensor.name}"
             yield Parameter(
-                f"{trial.name}:{sensor.clock}", "s", 0.0, -_CLOCK_RANGE, _CLOCK_RANGE, 0.0, _CLOCK_SCALE, about=about
+                f"{trial.name}:{sensor.clock}",
+                "s",
+                0.0,
+                -_CLOCK_RANGE,
+                _CLOCK_RANGE,
+                0.0,
+                _CLOCK_SCALE,
+                about=f"clock offset of {sensor.name}",
             )
 
 

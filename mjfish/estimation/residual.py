@@ -295,8 +295,7 @@ def held_out(problem: Problem, values: Mapping[str, float], trials: tuple[Trial,
     result = []
     for trial, left, predicted, sensors in zip(trials, score.residuals, score.predictions, score.sensors, strict=True):
         counted = replace(problem, trials=(trial,), windows=None).mask(0)
-        scored = np.zeros_like(counted)
-        scored[np.flatnonzero(counted)[np.count_nonzero(counted) - len(left) :]] = True
+        scored = counted & (np.cumsum(counted) > np.count_nonzero(counted) - len(left))
         result.append(Residual(trial, "held_out", predicted, counted, scored, sensors))
     return tuple(result)
 
@@ -476,8 +475,13 @@ def criteria(problem: Problem, fit: Fit, *, noise: Literal["estimated", "stated"
     if fit.lost or not problem.complete:
         return Criteria(0, free, *(np.nan,) * 5)
     determinant = sum(problem.noise.log_determinant(t, problem.mask(i)) for i, t in enumerate(problem.trials))
-    white = fit.residual[: problem.samples].reshape(-1, len(CHANNELS))
-    return of_whitened(white, problem.noise, determinant, free, stated=noise == "stated")
+    return of_whitened(
+        fit.residual[: problem.samples].reshape(-1, len(CHANNELS)),
+        problem.noise,
+        determinant,
+        free,
+        stated=noise == "stated",
+    )
 
 
 def of_whitened(white: FloatArray, noise: Noise, determinant: float, free: int, *, stated: bool) -> Criteria:

@@ -264,9 +264,9 @@ class _Scores:
     @classmethod
     def summed(cls, parts: Sequence[_Scores]) -> _Scores:
         """Return the scores of several trials."""
-        along = np.concatenate([part.along for part in parts])
         return cls(
-            **{name: sum(getattr(p, name) for p in parts) for name in vars(parts[0]) if name != "along"}, along=along
+            **{name: sum(getattr(p, name) for p in parts) for name in vars(parts[0]) if name != "along"},
+            along=np.concatenate([part.along for part in parts]),
         )
 
     def deviations(self, spread: FloatArray) -> FloatArray:
@@ -285,8 +285,7 @@ class _Scores:
         shares, directions = np.linalg.eigh(np.eye(len(r)) + r @ k @ r.T)
         inside, kept = q.T @ y, shares > _LEFT
         turned = (directions.T @ inside)[kept]
-        statistic = float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept]))
-        return statistic, len(y) - int(np.count_nonzero(~kept))
+        return float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept])), len(y) - int(np.count_nonzero(~kept))
 
 
 def independence(problem: Problem, fit: Fit, series: Sequence[Series]) -> tuple[CrossCorrelation, ...]:
@@ -384,8 +383,7 @@ class _Setting:
         rows, waves = self.problem.trial_rows[series.trial], self.waves[series.trial, series.block.series, name]
         columns, (run, own, shared) = self._whitened(series, waves.basis), self.basis.at(rows)
         taken, d, main = own.T @ columns, columns.shape[1], waves.main
-        cleared = columns - own @ taken
-        omega = self._quadratic(series.trial, np.hstack([columns, cleared, shared]))
+        omega = self._quadratic(series.trial, np.hstack([columns, columns - own @ taken, shared]))
         before, after, mixed = omega[:main, :main], omega[d : 2 * d, d : 2 * d], omega[d : 2 * d, 2 * d :]
         if run >= 0:  # what is known of the trial's own parameters
             mine, q = self.basis.per_run[run]
@@ -454,8 +452,7 @@ def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
         name: of the input.
     """
     trial = problem.trials[index]
-    sensors = {sensor.name: sensor.time for sensor in trial.sensors}
-    time = sensors[series] if series else trial.time[problem.mask(index)]
+    time = next((s.time for s in trial.sensors if s.name == series), trial.time[problem.mask(index)])
     motion = requested_motion(problem.model.fish.cpg, trial, STEP)
     moving = np.flatnonzero(np.ptp(motion.angle, axis=(0, 1)) > 0.0)
     values = np.zeros((len(time), len(LAG)))

@@ -168,8 +168,14 @@ def reduced(problem: Problem, fit: Fit) -> Reduced:
         left.append((replace(block, residual=block.on_grid(rest[:, None])[:, :, 0]), both))
     found = serial_apart([block for block, _ in left], [both for _, both in left])
     middles = [found.quadratic_of(r, q) for r, q in enumerate(bases)]
-    names = tuple(block.trial for block in blocks)
-    return Reduced(names, found, tuple(bases), np.array(factors), np.array(residual), np.array(middles))
+    return Reduced(
+        tuple(block.trial for block in blocks),
+        found,
+        tuple(bases),
+        np.array(factors),
+        np.array(residual),
+        np.array(middles),
+    )
 
 
 @dataclass(frozen=True)

@@ -138,8 +138,14 @@ class Posterior:
         """Return parameters (n, p) of the fish in another run."""
         declared = {p.name: p for p in self.model.parameters}
         low, high = bounds([declared[name] for name in self.names])
-        covariance = self.covariance + (1.0 + 1.0 / self.runs) * np.diag(self.scatter**2)
-        return truncated_normal(np.clip(self.mean, low, high), covariance, low, high, n, rng)
+        return truncated_normal(
+            np.clip(self.mean, low, high),
+            self.covariance + (1.0 + 1.0 / self.runs) * np.diag(self.scatter**2),
+            low,
+            high,
+            n,
+            rng,
+        )
 
 
 def truncated_normal(
@@ -223,8 +229,10 @@ def sample(
     posterior = _read(diagnosis, catalogue(effects)) if isinstance(diagnosis, str | Path) else diagnosis.posterior
     if posterior is None:
         raise InputError("the fit diverged and has no posterior; look at its message, and fit again from another start")
-    draws = posterior.draw(n, np.random.default_rng(seed))
-    return tuple(Extended(posterior.model, dict(zip(posterior.names, map(float, x), strict=True))) for x in draws)
+    return tuple(
+        Extended(posterior.model, dict(zip(posterior.names, map(float, x), strict=True)))
+        for x in posterior.draw(n, np.random.default_rng(seed))
+    )
 
 
 def _read(source: str | Path, effects: Mapping[str, Effect]) -> Posterior:

@@ -27,6 +27,7 @@ from mjfish.model.model import (
     Prepared,
     Servos,
     beginning,
+    built,
     driven,
     headed,
     joint_motion,
@@ -100,8 +101,15 @@ def with_sensors(
     acting = [effect for effect, _ in run.active]
     groups = {name.partition(".")[0] for name in names} - {effect.name for effect in acting}
     inactive = [owner for owner in model.effects if owner.name in groups and owner.load is not None]
-    loaded = [effect.name for effect in (*acting, *inactive) if effect.load is not None]
-    at = _At(model, trial, values, velocity, offset, run, loaded)
+    at = _At(
+        model,
+        trial,
+        values,
+        velocity,
+        offset,
+        run,
+        [effect.name for effect in (*acting, *inactive) if effect.load is not None],
+    )
     directions = [_direction(at, name) for name in names]
     late, camera = sensor_offsets or {}, Camera(trial, run.active)
     labels = [sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors]
@@ -109,12 +117,11 @@ def with_sensors(
     compared = trial.measured.any() or not trial.sensors
     clocks = [run.time if compared else run.time[:0], *clocks]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
-    conditions = Conditions(
-        run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
-    )
     rollout, every = simulate_tangents(
         run.fish, run.motion, [direction or Direction() for direction, _ in directions], times,
-        conditions=conditions,
+        conditions=Conditions(
+            run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
+        ),
         inactive=[
             (effect.load, [*effect.short_values(values).values(), *effect.constants(trial)])
             for effect in inactive
@@ -297,13 +304,18 @@ def _of_effect(at: _At, effect: Effect, name: str) -> tuple[Direction | None, Fl
         moved |= _links(at, p, effect)
     if effect.overrides("drive") and effect.moves_joints(at.trial):
         servos = tuple(active for active in at.acting_with(effect) if active[0].moves_joints(at.trial))
-        asked = requested_motion(at.model.fish.cpg, at.trial, at.run.step)
-        moved["motion"] = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
+        moved["motion"] = _of_drive(
+            requested_motion(at.model.fish.cpg, at.trial, at.run.step),
+            servos,
+            p,
+            at.values[name],
+            at.trial.walk,
+            at.trial.level_walk,
+        )
     if effect.load is not None:
         moved["loads"] = np.zeros((len(at.loaded), PARAMETERS))
         moved["loads"][at.loaded.index(effect.name), [own.short for own in effect.parameters].index(p.short)] = 1.0
-    clocked = effect.overrides("clock")
-    when = difference(lambda value: beginning_at(value)[0], p, at.values[name]) if clocked else None
+    when = difference(lambda value: beginning_at(value)[0], p, at.values[name]) if effect.overrides("clock") else None
     return Direction(**moved) if moved else None, when
 
 
@@ -343,9 +355,7 @@ def _of_body(
 
 def _body(fish: Fish, hooked: Servos) -> FloatArray:
     """Return the rows of the links through the hooks of effects, with TAIL more columns, in every row, of the tail."""
-    made = fish
-    for effect, own in hooked:
-        made = effect.body(made, dict(own))
+    made = built(fish, tuple((effect, dict(own)) for effect, own in hooked))
     numbers = numbers_of(made, fish.values)
     return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), TAIL))], axis=1)
 
@@ -408,8 +418,7 @@ def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Seq
 
 def _declared(model: Model, name: str) -> Parameter:
     scale = 0.005 if name.endswith(("clock.offset", ".clock_offset")) else 0.01
-    own = Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale)
-    return next((p for p in model.parameters if p.name == name), own)
+    return next((p for p in model.parameters if p.name == name), Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale))
 
 
 def difference(function: Callable[[float], FloatArray], p: Parameter, value: float) -> FloatArray:

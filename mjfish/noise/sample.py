@@ -97,8 +97,16 @@ class NoiseSample:
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
         residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
         masks, trials = [self.masks[i] for i in index], tuple(self.trials[i] for i in index)
-        shapes = self.shapes and [self.shapes[i] for i in index]
-        return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes)
+        return NoiseSample(
+            trials,
+            masks,
+            residuals,
+            self.scale,
+            span,
+            apart,
+            self.lost * count / total,
+            self.shapes and [self.shapes[i] for i in index],
+        )
 
     def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
@@ -131,8 +139,7 @@ class NoiseSample:
 
     def without_trial_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = (self._flat(shape()) for shape in self.shapes or [])
-        own = [self._by_channel(orthonormal(block)) for block in flat]
+        own = [self._by_channel(orthonormal(self._flat(shape()))) for shape in self.shapes or []]
         pairs = zip(self.apart, own, strict=True)
         return replace(self, apart=[np.concatenate(pair, axis=2) for pair in pairs]) if own else self
 
@@ -194,8 +201,7 @@ def spectrum(left: NoiseSample) -> Spectrum:
     series = zip(left.residuals, left.trials, left.masks, strict=True)
     pairs = [_periodogram(block, grid(trial.time, mask), step) for block, trial, mask in series]
     frequency, power = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
-    edges = np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)
-    band = np.digitize(frequency, edges) - 1
+    band = np.digitize(frequency, np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)) - 1
     used = np.unique(band)
     return Spectrum(
         np.array([frequency[band == b].mean() for b in used]),

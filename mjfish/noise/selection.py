@@ -44,8 +44,9 @@ class NoiseByRate(Noise):
     @staticmethod
     def of(models: Mapping[float, Noise]) -> NoiseByRate:
         """Return the noise of these models by step."""
-        sigma = np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))
-        return NoiseByRate(readonly(sigma), models=dict(models))
+        return NoiseByRate(
+            readonly(np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))), models=dict(models)
+        )
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the model of the trial's step, or of the nearest step there is."""

@@ -128,8 +128,12 @@ def gauss_markov(left: NoiseSample, kept: FloatArray) -> GaussMarkov:
         found[c] = np.exp(checked(best))
         drawn[:, :, c] = _drawn(cost, best, bounds[2], rng)
     sigma = readonly(found[:, 0])
-    likely = tuple(GaussMarkov(sigma, drift=readonly(drift), time=readonly(time)) for drift, time in drawn)
-    return GaussMarkov(sigma, drift=readonly(found[:, 1]), time=readonly(found[:, 2]), likely=likely)
+    return GaussMarkov(
+        sigma,
+        drift=readonly(found[:, 1]),
+        time=readonly(found[:, 2]),
+        likely=tuple(GaussMarkov(sigma, drift=readonly(drift), time=readonly(time)) for drift, time in drawn),
+    )
 
 
 def _cost_of_drift(seen: Spectrum, power: FloatArray, share: FloatArray, step: float, x: FloatArray) -> Any:
@@ -234,8 +238,9 @@ def differentiation_noise(left: NoiseSample) -> DifferentiationNoise:
             for shape in shapes
         ]
         window, degree = FILTERS[int(np.argmin(cost))]
-        unit = DifferentiationNoise(readonly(np.ones(3)), window=window, degree=degree, rounding=rounding)
-        found.append(_scaled(unit, bare))
+        found.append(
+            _scaled(DifferentiationNoise(readonly(np.ones(3)), window=window, degree=degree, rounding=rounding), bare)
+        )
     return max(found, key=bare.log_likelihood)
 
 
