@@ -257,7 +257,7 @@ def smoothing_of(
     best = 1 + int(np.argmin(beside[1:]))
     bases = [orthonormal(signs[:, block]) for block in blocks_of([len(effect.amplitudes()) for effect in others])]
     rival = max((float(np.sum((basis.T @ left[:, 0]) ** 2)) for basis in bases), default=0.0)
-    return tried[best - 1] if (beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival) else None
+    return tried[best - 1] if beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival else None
 
 
 def _filters(noise: Noise) -> list[Differentiator]:

@@ -1,4 +1,4 @@
-"""The least-squares problem of the nominal model of a dataset: what is known beforehand, a first noise, functions."""
+"""The least-squares problem of the nominal model of a dataset, a first noise, and the problem as plain functions."""
 
 from __future__ import annotations
 

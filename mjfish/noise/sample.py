@@ -3,7 +3,6 @@
 Estimating the noise from the residual of a nominal model would count what is wrong with the model as noise. The
 residual of the saturated model, which has every candidate in it, does not, to first order.
 
-[Whittle1953] P. Whittle, The analysis of multiple stationary time series, J. R. Statist. Soc. B 15.
 [Patterson1971] H. Patterson and R. Thompson, Biometrika 58.
 """
 
