@@ -38,8 +38,7 @@ def compare(
     table: Annotated[Path | None, typer.Option(help="Write a row a trial, channel and part: .csv or .parquet.")] = None,
 ) -> bool:
     """Compare measured trials with rollouts of any simulation: columns time [s], surge [m/s], sway [m/s], ..."""
-    from mjfish.data.tables import SUFFIXES
-    from mjfish.estimation.tables import write_rows
+    from mjfish.data.tables import SUFFIXES, write_rows
 
     console.check_outputs(json_, table, suffixes=[(table, SUFFIXES)])
     result = mjfish.compare(mjfish.load_dataset(dataset), against, bound=bound)

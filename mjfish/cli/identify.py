@@ -93,7 +93,7 @@ def _bounds(text: str) -> tuple[str, tuple[float | None, float | None]]:
 def _profiles(result: Identification, names: list[str], tell: Any) -> list[Profile]:
     from mjfish.estimation.intervals import profiles
 
-    if result.assessment is None or result.problem is None:
+    if result.assessment is None:
         return []
     found: list[Profile] = []
     for profile in profiles(result.problem, result.fit, names, known=result.assessment.intervals):
@@ -111,7 +111,8 @@ def _write(
     fish: Path | None,
 ) -> list[Path]:
     """Write what was asked for and return the files; there are no figures of a fit that diverged."""
-    from mjfish.estimation.tables import coefficient_rows, write_rows
+    from mjfish.data.tables import write_rows
+    from mjfish.estimation.intervals import coefficient_rows
     from mjfish.files.plain_data import plain
 
     assessment = result.assessment
@@ -180,7 +181,7 @@ def _sensors(result: Identification) -> Table:
 
 def _fits(assessment: Assessment) -> Table:
     """Fit percentages of whole trials: simulated, and predicted some samples ahead."""
-    from mjfish.estimation.agreement import HORIZONS
+    from mjfish.estimation.residual import HORIZONS
     from mjfish.fish.frames import CHANNELS
 
     horizons = (None, *HORIZONS)

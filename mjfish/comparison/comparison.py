@@ -14,9 +14,8 @@ from mjfish.comparison import rollouts
 from mjfish.comparison.rollouts import SimulatedRun
 from mjfish.data import Dataset, Role, Trial
 from mjfish.errors import InputError
-from mjfish.estimation.agreement import Agreement, agreement
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual import Agreement, Residual, agreement
 from mjfish.files.plain_data import fields_of
 from mjfish.files.result import Result
 from mjfish.fish.frames import CHANNELS

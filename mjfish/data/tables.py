@@ -5,11 +5,13 @@ In a CSV the header is line 1, row 1 is line 2, and no line may be left empty.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv
 import pyarrow.parquet
 
 from mjfish.data import columns
@@ -118,3 +120,22 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
         result[name] = readonly(cells.cast(pa.float64()).to_numpy())
         check_finite(result[name], path, label, missing=name in missing)
     return result
+
+
+def write_rows(path: str | Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows to a CSV or Parquet file, complete or not at all; None is an empty cell.
+
+    Args:
+        path: with the suffix ``.csv`` or ``.parquet``.
+        rows: of the same keys, e.g. those of `mjfish.estimation.intervals.coefficient_rows`.
+
+    Raises:
+        InputError: no rows, rows of unlike keys, a wrong suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    check_suffix(path, *SUFFIXES)
+    if not rows or any(tuple(row) != tuple(rows[0]) for row in rows):
+        raise InputError(f"{path}: {len(rows)} rows, expected one or more with the same columns; correct the rows")
+    write = pa.csv.write_csv if path.suffix.lower() == ".csv" else pa.parquet.write_table
+    with whole(path) as file:
+        write(pa.Table.from_pylist([dict(row) for row in rows]), file)

@@ -42,9 +42,9 @@ from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.effects.clock_wander import ClockWander
 from mjfish.estimation import Fit, Noise, fit
-from mjfish.estimation.clock_wander import log_likelihood_gained, walk_size
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Z95
+from mjfish.estimation.marginal_likelihood import log_likelihood_gained, walk_size
 from mjfish.estimation.nominal import first_sigma, nominal_problem
 from mjfish.estimation.residual import channel_errors
 from mjfish.inspection import Finding

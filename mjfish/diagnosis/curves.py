@@ -22,7 +22,7 @@ from mjfish.diagnosis.table import linearised
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.beat_amplitude import KC_FLOOR, TAU, keulegan_carpenter
 from mjfish.estimation import Fit
-from mjfish.estimation.smoothness import effective_degrees_of_freedom
+from mjfish.estimation.marginal_likelihood import effective_degrees_of_freedom
 from mjfish.fish import Fish
 from mjfish.fish.outline import outlines
 from mjfish.hydro.force import drag

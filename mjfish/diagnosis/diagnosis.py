@@ -30,8 +30,7 @@ from mjfish.errors import NUMERIC, InputError, MjfishError, reason_of
 from mjfish.estimation import Noise
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem
-from mjfish.estimation.time_limit import PastLimitError
-from mjfish.execution import executing, execution
+from mjfish.execution import PastLimitError, executing, execution
 from mjfish.execution.checkpoint import Checkpoint
 from mjfish.execution.progress import Meter, Progress, silent
 from mjfish.inspection import Finding, Inspection, inspect, inspect_fit

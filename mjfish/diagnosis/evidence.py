@@ -42,8 +42,7 @@ from mjfish.estimation import Fit, Noise, Problem
 from mjfish.estimation.fit import Linearised
 from mjfish.estimation.omnibus import HATS, WAVES, by_channel, functions
 from mjfish.estimation.problem import Slopes
-from mjfish.estimation.time_limit import check_time, limited
-from mjfish.execution import execution
+from mjfish.execution import check_time, execution, limited
 from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, checked, principal_axes
 from mjfish.numerics.block_angular import Basis, BlockAngular, block_angular, explained, span

@@ -18,8 +18,7 @@ from typing import TypeVar
 from mjfish.effects import Effect
 from mjfish.errors import NUMERIC, MjfishError, WorkerError, reason_of
 from mjfish.estimation import Fit
-from mjfish.estimation.time_limit import limited
-from mjfish.execution import execution
+from mjfish.execution import execution, limited
 
 T = TypeVar("T")
 

@@ -21,8 +21,8 @@ from mjfish.fish import Fish, frames
 from mjfish.fish.frames import CHANNELS
 from mjfish.fish.outline import outlines
 from mjfish.noise.autoregressive import grid
-from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.selection import by_step
+from mjfish.noise.spectral import ProcessNoise, process_noise
 from mjfish.numerics.arrays import BoolArray, FloatArray, checked, readonly
 
 
@@ -58,7 +58,7 @@ class MissingForce:
 def missing_force(problem: Problem, values: Mapping[str, float]) -> tuple[MissingForce, ...]:
     """Return the missing generalised force of every trial of a problem that was fitted, at its estimates by name.
 
-    Random accelerations (`mjfish.noise.process`) are assumed behind the residual of the nominal model; a
+    Random accelerations (`mjfish.noise.spectral`) are assumed behind the residual of the nominal model; a
     Kalman smoother [Rauch1965] estimates them from all samples of a run. Times the inertia of the stretched fish they
     are the force and the moment at the nose. The estimate is shrunk towards zero and its samples are correlated: it
     serves for pictures, never as data of a test.

@@ -25,8 +25,8 @@ from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem, fit
 from mjfish.estimation.fit import fit_or_raise
+from mjfish.estimation.marginal_likelihood import smoothed
 from mjfish.estimation.sensor_noise import having_noise_of
-from mjfish.estimation.smoothness import smoothed
 from mjfish.execution import mapped
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.sized_cache import always

@@ -17,7 +17,7 @@ from mjfish.diagnosis.failures import Failure, Parts, attempted, failed, joined,
 from mjfish.effects.effect import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.fit import End, fit_at, fit_or_raise
-from mjfish.estimation.smoothness import effective_degrees_of_freedom
+from mjfish.estimation.marginal_likelihood import effective_degrees_of_freedom
 from mjfish.execution import completed, execution, in_order
 from mjfish.execution.checkpoint import Checkpoint
 from mjfish.files.plain_data import plain, restored

@@ -29,7 +29,7 @@ from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_every_run, with_size
+from mjfish.estimation.marginal_likelihood import CLEAR, log_likelihood_gained, of_every_run, with_size
 from mjfish.estimation.noise_of_fit import noise_of, smoothing_of, walk_of
 from mjfish.estimation.problem import Slopes
 from mjfish.estimation.sensor_noise import having_noise_of, with_sensor_noise

@@ -16,8 +16,8 @@ class ClockWander(Effect):
 
     The phase of a beat of frequency f wanders by 2 pi f w. A controller under load does that, or a servo without a
     crystal. The walk of the next run is not known, only its size. So a diagnosis does not refit this cause as it does
-    others: it estimates the size as a part of the noise (`mjfish.estimation.clock_wander`). In a simulation `draw` is
-    the seed of the walk; `generate` draws one for every run.
+    others: it estimates the size as a part of the noise (`mjfish.estimation.marginal_likelihood`). In a simulation
+    `draw` is the seed of the walk; `generate` draws one for every run.
     """
 
     name = "clock_wander"

@@ -1,11 +1,10 @@
 """Identification: bounded least squares on all fit trials at once, and what the data say about the estimates."""
 
-from mjfish.estimation.agreement import Part, parts_of_trial
 from mjfish.estimation.fit import Fit, fit
 from mjfish.estimation.identification import Identification, identify
-from mjfish.estimation.optimiser_interface import residual_function
+from mjfish.estimation.nominal import residual_function
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residual import PREFIX, Score, held_out_covariance_root, predict_held_out
+from mjfish.estimation.residual import PREFIX, Part, Score, held_out_covariance_root, parts_of_trial, predict_held_out
 from mjfish.estimation.settings import Settings
 from mjfish.noise import Noise
 

@@ -74,8 +74,12 @@ def clocked(trial: Trial, values: Mapping[str, float]) -> Trial:
         return trial
     known = trial.wave.frequency
     frequency = values.get(f"{trial.name}:{FREQUENCY}", known) - known
-    own = values.get(f"{trial.name}:{SCALE}", 1.0) * values.get(SCALE, 1.0)
-    return _clocked(trial, frequency, values.get(f"{trial.name}:{PHASE}", 0.0), own)
+    return _clocked(
+        trial,
+        frequency,
+        values.get(f"{trial.name}:{PHASE}", 0.0),
+        values.get(f"{trial.name}:{SCALE}", 1.0) * values.get(SCALE, 1.0),
+    )
 
 
 @functools.lru_cache(maxsize=64)
@@ -122,16 +126,13 @@ def _aligned(model: Model, trial: Trial) -> Trial:
     measured = seen.velocity[:, swinging] - seen.velocity[:, swinging].mean(axis=0)
     faster = beat(seen)
     trial = trial if faster is None else trial.waved(faster - trial.wave.frequency, 0.0)
-    best, found = -np.inf, trial
-    for phase in np.arange(_TRIED) * 2.0 * np.pi / _TRIED:
-        turned = trial.waved(0.0, float(phase))
+
+    def correlation(turned: Trial) -> float:
         predicted = model.predict(turned, model.values(), velocity=start)
         if predicted.status != "ok":
-            continue
+            return -np.inf
         swing = predicted.velocity[:, swinging] - predicted.velocity[:, swinging].mean(axis=0)
-        correlation = (swing * measured).sum(axis=0) / np.sqrt(
-            (swing**2).sum(axis=0) * (measured**2).sum(axis=0) + 1e-300
-        )
-        if correlation.sum() > best:
-            best, found = float(correlation.sum()), turned
-    return found
+        sizes = np.sqrt((swing**2).sum(axis=0) * (measured**2).sum(axis=0) + 1e-300)
+        return float(np.sum((swing * measured).sum(axis=0) / sizes))
+
+    return max((trial.waved(0.0, float(phase)) for phase in np.arange(_TRIED) * 2.0 * np.pi / _TRIED), key=correlation)

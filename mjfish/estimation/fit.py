@@ -19,7 +19,6 @@ Journal on Optimization 6.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -150,22 +149,24 @@ def minimise(
                 message = f"a step changed the cost by less than {tolerance:g} of it"
             elif size < _SHORT * np.abs(lengths * x).max(initial=0.0):
                 message = f"a step was shorter than {_SHORT:g}"
-            radius = _next_radius(radius, size, ratio)
+            if ratio < _POOR:
+                radius = _SHRINK * size
+            elif ratio > _GOOD and size > _HELD * radius:
+                radius *= _GROW
         if not ahead:
             break
         x, here, cost = moved, there, new
         del jacobian  # not two at once
-    status: Literal["converged", "stopped"] = "converged" if message else "stopped"
-    message = message or f"the most evaluations were used, {evaluations}"
-    gradient = -triangle.transposed_times(turned)
-    return Minimum(x, here[: len(here) - len(mean)], jacobian, gradient, cost, done, status, message)
-
-
-def _next_radius(radius: float, size: float, ratio: float) -> float:
-    """Return the radius after a step of a size whose fall of the cost was this ratio of the one that was predicted."""
-    if ratio < _POOR:
-        return _SHRINK * size
-    return _GROW * radius if ratio > _GOOD and size > _HELD * radius else radius
+    return Minimum(
+        x=x,
+        residual=here[: len(here) - len(mean)],
+        jacobian=jacobian,
+        gradient=-triangle.transposed_times(turned),
+        cost=cost,
+        evaluations=done,
+        status="converged" if message else "stopped",
+        message=message or f"the most evaluations were used, {evaluations}",
+    )
 
 
 def _step(
@@ -219,41 +220,50 @@ class Linearised:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """Result of a fit.
+class End:
+    """Where an optimiser ended; the rest of a `Fit` follows from the problem.
 
     Attributes:
-        parameters: the free parameters (p,).
-        x: their estimates (p,).
-        sse: sum of squared whitened residuals, those of the data.
-        penalty: what priors add to it.
-        residuals: returns `residual`: it may have to be made again.
-        linearised: returns `jacobian` and `covariance`.
-        reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
+        x: estimates (p,) of the free parameters.
+        ended: (p,) where the optimiser ended: there derivatives are taken.
         at_bound: (p,) whether the estimate rests on a bound.
         status: ``converged`` or ``stopped`` (too many evaluations), ``diverged``, or ``failed``: an error was raised.
         message: of the optimiser; which trial diverged, when and with which parameters, where one did; the error.
         evaluations: of the residual.
-        cost: what was minimised: `sse`, or its robust form.
-        ended: (p,) where the optimiser ended, each in units of its parameter's scale: there derivatives are taken.
+        cost: what was minimised: the sum of squares, or its robust form.
+    """
+
+    x: FloatArray
+    ended: FloatArray
+    at_bound: BoolArray
+    status: Literal["converged", "stopped", "diverged", "failed"]
+    message: str
+    evaluations: int
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(End):
+    """Result of a fit.
+
+    Attributes:
+        parameters: the free parameters (p,).
+        sse: sum of squared whitened residuals, those of the data.
+        residuals: returns `residual`: it may have to be made again.
+        linearised: returns `jacobian` and `covariance`.
+        reach: (p,) standard errors were no parameter held by its bound: how far one that is might lie from it.
+        penalty: what priors add to `sse`.
         count: n, number of whitened residuals.
         lengths: (p,) of the columns of `jacobian`.
         errors: (p,) standard errors; 0 where the estimate rests on a bound.
     """
 
     parameters: tuple[Parameter, ...]
-    x: FloatArray
     sse: float
     residuals: Callable[[], FloatArray]
     linearised: Callable[[], Linearised]
     reach: FloatArray
-    at_bound: BoolArray
-    status: Literal["converged", "stopped", "diverged", "failed"]
-    message: str
-    evaluations: int
-    cost: float = math.nan
     penalty: float = 0.0
-    ended: FloatArray = field(default_factory=lambda: np.zeros(0))
     count: int = field(init=False)
     lengths: FloatArray = field(init=False)
     errors: FloatArray = field(init=False)
@@ -364,19 +374,6 @@ def fit_or_raise(problem: Problem, start: FloatArray, *, tolerance: float, evalu
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class End:
-    """Where an optimiser ended; the rest of a `Fit`, whose attributes these are, follows from the problem."""
-
-    x: FloatArray
-    ended: FloatArray
-    at_bound: BoolArray
-    status: Literal["converged", "stopped"]
-    message: str
-    evaluations: int
-    cost: float
-
-
 def fit_at(problem: Problem, end: End) -> Fit:
     """Return the `fit` of a problem by squares that is known to have ended there, to the last bit."""
     ended = _Ended(problem, end, "linear", 1.0)
@@ -398,7 +395,7 @@ class _Ended:
 
     def weighted(self, plain: FloatArray) -> FloatArray:
         """Return the residual as the loss weighs it."""
-        return plain if self.loss == "linear" else plain * self._weight(plain)
+        return plain if self.loss == "linear" else plain * weights_of(self.loss, self.loss_scale, plain)
 
     def residual(self) -> FloatArray:
         """Return the residual of the fit."""
@@ -412,14 +409,11 @@ class _Ended:
         """Return the same of derivatives and of a residual, which a robust loss asks for; and the reach of the fit."""
         at_bound = self.end.at_bound
         if self.loss != "linear":
-            jacobian = jacobian.scaled(rows=self._weight(plain()))
+            jacobian = jacobian.scaled(rows=weights_of(self.loss, self.loss_scale, plain()))
         triangle = jacobian.above(self.problem.prior_root).factorised().triangle
         every = covariance(triangle, np.zeros_like(at_bound))
         own = covariance(triangle, at_bound) if at_bound.any() else every
         return Linearised(jacobian, own), np.sqrt(np.diag(every))
-
-    def _weight(self, plain: FloatArray) -> FloatArray:
-        return weights_of(self.loss, self.loss_scale, plain)
 
 
 def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:
@@ -428,40 +422,30 @@ def _fit_at(ended: _Ended, plain: FloatArray, jacobian: BlockAngular) -> Fit:
         plain = ended.plain()
     divergence = problem.divergence(end.x) if np.abs(plain).max(initial=0.0) >= LOST else ""
     residual, (linearised, reach) = ended.weighted(plain), ended.seen(jacobian, always(plain))
+    if divergence:
+        end = replace(end, status="diverged", message=divergence)
     return Fit(
+        **vars(end),
         parameters=problem.parameters,
-        x=end.x,
         sse=float(residual @ residual),
         residuals=Recomputable(ended.residual, residual),
         linearised=Recomputable(ended.linearised, linearised),
         reach=reach,
-        at_bound=end.at_bound,
-        status="diverged" if divergence else end.status,
-        message=divergence or end.message,
-        evaluations=end.evaluations,
-        cost=end.cost,
         penalty=float(np.sum((problem.prior_root @ end.x - problem.prior_mean) ** 2)),
-        ended=end.ended,
     )
 
 
 def _failed(problem: Problem, x: FloatArray, reason: str) -> Fit:
     """Return a fit that failed, at its start: as far off as one that diverged, and no derivative known."""
-    count = len(x)
-    residual, free = np.full(problem.measured + len(problem.with_priors), LOST), np.zeros(count, dtype=np.bool_)
-    unknown = np.full(count, _UNKNOWN)
+    residual, unknown = np.full(problem.measured + len(problem.with_priors), LOST), np.full(len(x), _UNKNOWN)
+    cost = float(residual @ residual)
     return Fit(
+        **vars(End(x, np.zeros(0), np.zeros(len(x), dtype=np.bool_), "failed", reason, 0, cost)),
         parameters=problem.parameters,
-        x=x,
-        sse=float(residual @ residual),
+        sse=cost,
         residuals=always(residual),
-        linearised=always(Linearised(BlockAngular.of(np.zeros((len(residual), count))), np.diag(unknown))),
+        linearised=always(Linearised(BlockAngular.of(np.zeros((len(residual), len(x)))), np.diag(unknown))),
         reach=np.sqrt(unknown),
-        at_bound=free,
-        status="failed",
-        message=reason,
-        evaluations=0,
-        cost=float(residual @ residual),
     )
 
 
@@ -470,8 +454,7 @@ def _onto_bounds(
 ) -> tuple[FloatArray, BoolArray]:
     """Put estimates that the fit pushes against a bound onto it (the fit itself stays strictly inside)."""
     near = _AT_BOUND * (high - low)
-    at_low = (x - low < near) & (gradient > 0.0)
-    at_high = (high - x < near) & (gradient < 0.0)
+    at_low, at_high = (x - low < near) & (gradient > 0.0), (high - x < near) & (gradient < 0.0)
     return np.where(at_low, low, np.where(at_high, high, x)), at_low | at_high
 
 
@@ -549,12 +532,11 @@ def multistart(
     order = int(np.argmin(costs))
     best = fit(problem, optima[order], **robust)  # type: ignore[arg-type]
     costs[order] = min(costs[order], _cost(best))
-    slack = max(SAME * float(costs.min()), 1.0)
     return MultiStart(
         best=replace(best, evaluations=best.evaluations + int(evaluations.sum())),
         costs=costs,
         optima=optima,
-        reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + slack))),
+        reached=float(np.mean(np.isfinite(costs) & (costs <= costs.min() + max(SAME * float(costs.min()), 1.0)))),
     )
 
 
@@ -572,13 +554,11 @@ def hypercube(problem: Problem, count: int, seed: int) -> FloatArray:
 
     A parameter with a prior is drawn from it, any other evenly between its bounds.
     """
-    parameters = problem.parameters
     x = np.tile(problem.start(), (count, 1))
-    shared = [i for i, p in enumerate(parameters) if ":" not in p.name]
+    shared = [(i, p) for i, p in enumerate(problem.parameters) if ":" not in p.name]
     if count and shared:
         shares = qmc.LatinHypercube(len(shared), rng=np.random.default_rng(seed)).random(count)
-        for i, share in zip(shared, shares.T, strict=True):
-            p = parameters[i]
+        for (i, p), share in zip(shared, shares.T, strict=True):
             if p.sd is None:
                 x[:, i] = p.low + (p.high - p.low) * share
             else:

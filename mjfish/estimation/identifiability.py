@@ -94,11 +94,8 @@ def _directions(parameters: tuple[Parameter, ...], triangle: FloatArray, length:
         chosen = [parameters[k] for k in members]
         if s >= WEAK or len(members) < 2 or _known({p.name for p in chosen}, found):
             continue
-        changes = _weakest(triangle[:, members])
-        if len(members) > 2:
-            found.append(_combination(chosen, changes))
-        else:
-            found.append(_pair(chosen, changes, float(correlation[members[0], members[1]])))
+        changes, r = _weakest(triangle[:, members]), float(correlation[members[0], members[1]])
+        found.append(_combination(chosen, changes) if len(members) > 2 else _pair(chosen, changes, r))
     pairs = [
         _pair([second, first], _weakest(triangle[:, [j, i]]), r)
         for i, first in enumerate(parameters)
@@ -122,19 +119,21 @@ def _known(names: set[str], found: list[Weakness]) -> bool:
 
 def _open(parameters: list[Parameter], changes: FloatArray) -> bool:
     """Return whether two standard errors of a direction are more than `_OPEN` of the range of a member."""
-    shares = [2.0 * abs(change) / (p.high - p.low) for p, change in zip(parameters, changes, strict=True)]
-    return bool(max(shares) > _OPEN)
+    return any(2.0 * abs(c) / (p.high - p.low) > _OPEN for p, c in zip(parameters, changes.tolist(), strict=True))
 
 
 def _pair(parameters: list[Parameter], changes: FloatArray, correlation: float) -> Weakness:
     first, second = (p.name for p in parameters)
     lost = abs(correlation) > _LOST or _open(parameters, changes)
     digits = int(np.clip(np.ceil(-np.log10(max(1.0 - abs(correlation), 1e-12))), 2, 6))
-    text = (
+    return Weakness(
+        "pair",
+        (first, second),
+        tuple(changes.tolist()),
+        correlation,
         f"{first} and {second} {'cannot be told' if lost else 'are hard to tell'} apart on these data: "
-        f"correlation {correlation:.{digits}f}"
+        f"correlation {correlation:.{digits}f}",
     )
-    return Weakness("pair", (first, second), tuple(changes.tolist()), correlation, text)
 
 
 def _combination(parameters: list[Parameter], changes: FloatArray) -> Weakness:
@@ -143,5 +142,10 @@ def _combination(parameters: list[Parameter], changes: FloatArray) -> Weakness:
     lost = _open(parameters, changes)
     head = f"only a combination of {listed} is seen" if lost else f"{listed} are hard to tell apart"
     moves = [f"{name} by {change:+.2g}" for name, change in zip(names, changes, strict=True)]
-    text = f"{head} on these data: {', '.join(moves[:-1])} and {moves[-1]} together change no more than the noise does"
-    return Weakness("combination", tuple(names), tuple(changes.tolist()), None, text)
+    return Weakness(
+        "combination",
+        tuple(names),
+        tuple(changes.tolist()),
+        None,
+        f"{head} on these data: {', '.join(moves[:-1])} and {moves[-1]} together change no more than the noise does",
+    )

@@ -13,14 +13,13 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.errors import NUMERIC, MjfishError, reason_of
-from mjfish.estimation.agreement import Agreement, Criteria, agreement, criteria
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.fit import Fit, fit, multistart
 from mjfish.estimation.identifiability import Weakness, weaknesses
 from mjfish.estimation.intervals import Intervals, intervals, posterior
 from mjfish.estimation.nominal import check_enough, first_sigma, nominal_problem, white
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.residual import Residual, fitted, held_out
+from mjfish.estimation.residual import Agreement, Criteria, Residual, agreement, criteria, fitted, held_out
 from mjfish.estimation.residual_tests import ResidualTests, residual_tests
 from mjfish.estimation.sensor_noise import joints_in_words, with_sensor_noise
 from mjfish.estimation.settings import Loss, Settings
@@ -118,9 +117,9 @@ class Identification(Result):
         noise: sigma (3,) of the measured velocities that the weights are made of.
         scores: of every trial; held-out ones without what their own nuisance parameters were fitted on.
         remarks: what a reader should know.
+        problem: that was fitted, with its final weights.
         starts: fits from a Latin hypercube.
         reached: share of them that reached the best optimum.
-        problem: that was fitted, with its final weights.
         assessment: what the data say about the fit; None where it diverged or failed.
         sensor_scores: of every channel of every sensor, scored as the velocities are.
     """
@@ -130,22 +129,21 @@ class Identification(Result):
     noise: FloatArray
     scores: tuple[TrialScore, ...]
     remarks: tuple[str, ...]
+    problem: Problem
     starts: int = 1
     reached: float = 1.0
-    problem: Problem | None = None
     assessment: Assessment | None = None
     sensor_scores: tuple[SensorScore, ...] = ()
 
     @cached_property
     def fish(self) -> Fish:
         """The fish with what was found, and where it comes from: body, dataset, range of the runs, 95 % intervals."""
-        told = self.problem.fixed if self.problem is not None else {}
-        return identified_fish(self.dataset, self.fit, told, self.interval)
+        return identified_fish(self.dataset, self.fit, self.problem.fixed, self.interval)
 
     @cached_property
     def posterior(self) -> Posterior | None:
         """What the fit says of the coefficients, for draws (`mjfish.sample`); None where it diverged or failed."""
-        if self.problem is None or self.assessment is None:
+        if self.assessment is None:
             return None
         return posterior(self.problem, self.fit, self.fish, self.assessment.stability.scatter, correlated=True)
 
@@ -198,7 +196,8 @@ class Identification(Result):
             "cost": solution.sse,
             "starts": self.starts,
             "reached": self.reached,
-            "samples": solution.count if self.problem is None else self._rows(self.problem),
+            # measured numbers, and what is known of parameters
+            "samples": self.problem.numbers + solution.count - self.problem.measured,
             "noise": plain(self.noise),
             "parameters": {
                 p.name: {
@@ -219,10 +218,6 @@ class Identification(Result):
             "assessment": plain(self.assessment),
             "posterior": plain(self.posterior),
         }
-
-    def _rows(self, problem: Problem) -> int:
-        """Return how many numbers were fitted: measured ones, and what is known of parameters."""
-        return problem.numbers + self.fit.count - problem.measured
 
 
 def _listed(scores: Sequence[SensorScore]) -> str:
@@ -299,25 +294,23 @@ def identify(
 def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], None] | None) -> Identification:
     dataset = aligned(dataset)
     trials, held = dataset.split()
-    stated = dataset.noise
     problem = pose(dataset, settings)
     robust = {"loss": settings.loss, "loss_scale": settings.loss_scale}
     many = multistart(problem, settings.starts, seed=settings.seed, tell=tell, **robust)  # type: ignore[arg-type]
     solution = many.best
     remarks = (*_of_recordings(dataset.trials), *_remarks(trials))
-    weighed = stated is None and settings.weights == "noise" and any(trial.measured.any() for trial in trials)
-    unknown = [sensor for _, sensor in problem.sensors if sensor.sigma is None]
+    weighed = dataset.noise is None and settings.weights == "noise" and any(trial.measured.any() for trial in trials)
     for _ in range(2 if weighed or problem.sensors else 0):
         if solution.lost:
             break
         if weighed:
-            sigma = np.maximum(_spread(problem, solution.x, settings.loss), floor(trials))
-            problem = replace(problem, noise=white(sigma))
+            spread = np.maximum(_spread(problem, solution.x, settings.loss), floor(trials))
+            problem = replace(problem, noise=white(spread))
         problem = with_sensor_noise(problem, solution.x)
         solution = fit(problem, solution.x, **robust)  # type: ignore[arg-type]
     if weighed:
         remarks += ("noise: none stated; the weights are the RMS of the residual",)
-    for name in dict.fromkeys(sensor.name for sensor in unknown):
+    for name in dict.fromkeys(sensor.name for _, sensor in problem.sensors if sensor.sigma is None):
         remarks += (f"{name}: no sigma stated; its weights are that of the third differences of the residual",)
     residuals = fitted(problem, solution.x)
     try:
@@ -328,13 +321,15 @@ def _identified(dataset: Dataset, settings: Settings, tell: Callable[[float], No
         remarks += (f"held-out trials are not scored: {reason_of(error)}",)
     found = Identification(
         dataset, solution, _measured_sigma(problem), tuple(_score(residual) for residual in residuals),
-        remarks,
-        settings.starts, many.reached, problem, None,
+        remarks, problem, settings.starts, many.reached, None,
         tuple(score for residual in residuals for score in _sensor_scores(residual)),
     )  # fmt: skip
     try:
-        told = (*remarks, *joints_in_words(problem))
-        assessed = replace(found, remarks=told, assessment=assess(problem, solution, residuals))
+        assessed = replace(
+            found,
+            remarks=(*remarks, *joints_in_words(problem)),
+            assessment=assess(problem, solution, residuals),
+        )
         _ = assessed.posterior  # computed now, where its failure can still be said
     except MjfishError:
         raise
@@ -380,17 +375,20 @@ def _remarks(trials: tuple[Trial, ...]) -> Iterator[str]:
 
 
 def _score(residual: Residual) -> TrialScore:
-    error = residual.values[residual.scored]
-    if not len(error):
-        return TrialScore(residual.trial.name, residual.role, (np.nan,) * 3)
-    nrmse = np.sqrt(np.mean(error**2, axis=0)) / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)
-    return TrialScore(residual.trial.name, residual.role, (float(nrmse[0]), float(nrmse[1]), float(nrmse[2])))
+    rmse = _rmse(residual.values[residual.scored])
+    surge, sway, yaw_rate = (rmse / np.maximum(np.ptp(residual.trial.velocity, axis=0), 1e-12)).tolist()
+    return TrialScore(residual.trial.name, residual.role, (surge, sway, yaw_rate))
+
+
+def _rmse(error: FloatArray) -> FloatArray:
+    """Return the root mean square (c,) of errors (n, c); NaN without any."""
+    return np.sqrt(np.mean(error**2, axis=0)) if len(error) else np.full(error.shape[1], np.nan)
 
 
 def _sensor_scores(residual: Residual) -> Iterator[SensorScore]:
     for own in residual.sensors:
         sensor, error = own.sensor, (own.sensor.values - own.predicted)[own.scored]
-        rmse = np.sqrt(np.mean(error**2, axis=0)) if len(error) else np.full(len(sensor.channels), np.nan)
+        rmse = _rmse(error)
         reach = np.maximum(np.ptp(sensor.values, axis=0), 1e-12)
         for k, (channel, unit) in enumerate(zip(sensor.channels, sensor.units, strict=True)):
             yield SensorScore(
@@ -416,8 +414,7 @@ def identified_fish(
     fish = dataset.fish
     declared = {p.name: p for p in (*fish.parameters, *fit.parameters) if p.name in fish.coefficient_names}
     values = {name: value for name, value in {**fixed, **fit.values}.items() if name in declared}
-    known = {name: declared[name].expected for name in values}
-    changed = {name: replace(declared[name], default=v, mean=known[name]) for name, v in values.items()}
+    changed = {name: replace(declared[name], default=v, mean=declared[name].expected) for name, v in values.items()}
     intervals = {p.name: interval(p.name) for p in fit.parameters if ":" not in p.name}
     fish = fish.with_numbers(fit.values).with_coefficients(changed)
     return with_origin(fish, dataset, f"{fit.status}: {fit.message}", intervals)

@@ -126,8 +126,7 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
         fit: of it.
         level: of the intervals.
     """
-    blocks, free = serial_blocks(problem, fit.residual), fit.jacobian.chosen(~fit.at_bound)
-    found = serial(blocks, free.top(problem.measured).factors.basis)
+    blocks, found = _serial_of(problem, fit)
     own, degrees_of_freedom = _sandwich(found, blocks, problem.measured, fit.jacobian, ~fit.at_bound)
     sigma, plain = np.sqrt(np.diag(own)), np.sqrt(np.diag(fit.covariance))
     if np.any(fit.at_bound):
@@ -154,6 +153,39 @@ def intervals(problem: Problem, fit: Fit, *, level: float = 0.95) -> Intervals:
     )
 
 
+def coefficient_rows(fit: Fit, known: Intervals | None = None) -> list[dict[str, Any]]:
+    """Return a row a free parameter: estimate, 95 % interval, standard error, and how it was declared.
+
+    Args:
+        fit: the estimates; of it are the columns ``plain_..``, which take the residuals for white noise.
+        known: intervals that hold for correlated residuals; None: no columns for them.
+    """
+    interval_of = known.to_dict()["parameters"] if known is not None else {}
+    return [
+        {
+            "parameter": p.name,
+            "unit": p.unit,
+            "estimate": fit.values[p.name],
+            "at_bound": bool(at_bound),
+            "plain_low": fit.interval(p.name)[0],
+            "plain_high": fit.interval(p.name)[1],
+            "plain_standard_error": fit.sigma[p.name],
+            **interval_of.get(p.name, {}),
+            "start": p.start,
+            "lower_bound": p.low,
+            "upper_bound": p.high,
+            "about": p.about,
+        }
+        for p, at_bound in zip(fit.parameters, fit.at_bound, strict=True)
+    ]
+
+
+def _serial_of(problem: Problem, fit: Fit) -> tuple[tuple[Block, ...], Serial]:
+    """Return the residuals of a fit, and their covariance in time."""
+    blocks = serial_blocks(problem, fit.residual)
+    return blocks, serial(blocks, fit.jacobian.chosen(~fit.at_bound).top(problem.measured).factors.basis)
+
+
 def _sandwich(
     found: Serial, blocks: Sequence[Block], measured: int, jacobian: BlockAngular, free: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -163,7 +195,8 @@ def _sandwich(
     in the rows behind the `measured` ones, of what is known of the parameters. The degrees of freedom of a parameter
     of one run are those of its rows.
     """
-    factors = jacobian.chosen(free).factors
+    own = jacobian.chosen(free)
+    factors = own.factors
     left, singular, right = np.linalg.svd(factors.triangle.dense(), full_matrices=False)
     floor = np.maximum(singular, 1e-10 * max(singular.max(initial=0.0), 1e-100))
     turned = (left / floor) @ right
@@ -171,13 +204,11 @@ def _sandwich(
     index = np.flatnonzero(free)
     covariance[np.ix_(index, index)] = turned.T @ middle(found, blocks, factors.basis, measured) @ turned
     moments = np.zeros((2, len(index)))
-    own = jacobian.chosen(free)
     for r, block in enumerate(blocks):
         run, q, shared = factors.basis.at(block.rows)
         rows = np.concatenate([factors.basis.places_of(run), factors.basis.places_of(None)])
         columns = np.concatenate([own.parts[run].columns if run >= 0 else own.places[:0], own.places])
-        moved = block.on_grid(np.hstack([q, shared]) @ turned[np.ix_(rows, columns)])
-        moments[:, columns] += found.moments(r, moved)
+        moments[:, columns] += found.moments(r, block.on_grid(np.hstack([q, shared]) @ turned[np.ix_(rows, columns)]))
     degrees_of_freedom[index] = np.maximum(satterthwaite(*moments), 1.0)
     return covariance, degrees_of_freedom
 
@@ -286,8 +317,6 @@ def profile(
     points = [*down[::-1], start, *up]
     best = min(points, key=lambda point: point.rise)
     better = best.rise < -_BETTER * threshold
-    values = np.insert(best.others, index, best.value)
-    sides = {low_side, high_side}
     return Profile(
         name=name,
         unit=fitted.parameters[index].unit,
@@ -303,8 +332,8 @@ def profile(
         high=high,
         low_side=low_side,
         high_side=high_side,
-        status="better_optimum" if better else ("ok" if sides == {"crossed"} else "open"),
-        better=dict(zip(names, values.tolist(), strict=True)) if better else {},
+        status="better_optimum" if better else ("ok" if low_side == high_side == "crossed" else "open"),
+        better=dict(zip(names, np.insert(best.others, index, best.value).tolist(), strict=True)) if better else {},
     )
 
 
@@ -333,26 +362,20 @@ class _Walk:
         bound = p.high if sign > 0.0 else p.low
         step = min(_FIRST * self.sigma * np.sqrt(self.threshold), abs(bound - start.value))
         points = [start]
-        while len(points) <= _POINTS:
-            if points[-1].value == bound:
-                return points[1:], bound, "bound"
-            value = points[-1].value + sign * step
-            value = min(value, bound) if sign > 0.0 else max(value, bound)
-            new = self._at(value, points)
+        while len(points) <= _POINTS and points[-1].value != bound:
+            new = self._at(float(np.clip(points[-1].value + sign * step, p.low, p.high)), points)
             if new is None:
-                return points[1:], points[-1].value, "stopped"
+                break
             points.append(new)
-            if new.rise > self.threshold:
-                return points[1:], _crossing(points[-2], new, self.threshold), "crossed"
-            step = self._next(points)
-        return points[1:], points[-1].value, "stopped"
-
-    def _next(self, points: list[_Point]) -> float:
-        """Return the step that raises the root of the rise by `_FIRST` of its threshold, were it straight."""
-        before, last = points[-2:]
-        done = abs(last.value - before.value)
-        root = [np.sqrt(max(point.rise, 0.0) / self.threshold) for point in (before, last)]
-        return float(done * np.clip(_FIRST / max(root[1] - root[0], 1e-12), 1.0 / _GROWTH, _GROWTH))
+            done = new.value - points[-2].value
+            if new.rise > self.threshold:  # its root is nearly straight in the value
+                before, after = (np.sqrt(max(point.rise, 0.0)) for point in points[-2:])
+                share = (np.sqrt(self.threshold) - before) / max(after - before, 1e-12)
+                return points[1:], float(points[-2].value + share * done), "crossed"
+            before, after = (np.sqrt(max(point.rise, 0.0) / self.threshold) for point in points[-2:])
+            step = float(abs(done) * np.clip(_FIRST / max(after - before, 1e-12), 1.0 / _GROWTH, _GROWTH))
+        reached = points[-1].value == bound and len(points) <= _POINTS
+        return points[1:], points[-1].value, "bound" if reached else "stopped"
 
     def _at(self, value: float, points: list[_Point]) -> _Point | None:
         """Refit the others, from where the last two points lead; None where the fit diverges."""
@@ -361,11 +384,10 @@ class _Walk:
         if p.name in {other.name for other in held.parameters}:
             raise InputError(f"'{p.name}' cannot be held fixed in this problem; profile a parameter of the model")
         others = points[-1].others + self._slope(points) * (value - points[-1].value)
-        low, high = (np.array([getattr(o, side) for o in held.parameters]) for side in ("low", "high"))
         if len(others) == 0:
             residual = held.residual(others)
             return _Point(value, (float(residual @ residual) - self.fitted.sse) / self.scale, others)
-        refit = fit(held, np.clip(others, low, high))
+        refit = fit(held, np.clip(others, *bounds(held.parameters)))
         return None if refit.lost else _Point(value, (refit.cost - self.fitted.cost) / self.scale, refit.x)
 
     def _slope(self, points: list[_Point]) -> FloatArray:
@@ -374,13 +396,6 @@ class _Walk:
             return np.asarray((points[-1].others - points[-2].others) / (points[-1].value - points[-2].value))
         own = float(self.fitted.covariance[self.index, self.index])
         return np.delete(self.fitted.covariance[self.index], self.index) / own if own > 0.0 else np.zeros(1)
-
-
-def _crossing(inside: _Point, outside: _Point, threshold: float) -> float:
-    """Return where the rise meets the threshold: its root is nearly straight in the value."""
-    root = [np.sqrt(max(point.rise, 0.0)) for point in (inside, outside)]
-    share = (np.sqrt(threshold) - root[0]) / max(root[1] - root[0], 1e-12)
-    return float(inside.value + share * (outside.value - inside.value))
 
 
 def posterior(problem: Problem, fit: Fit, fish: Fish, scatter: Mapping[str, float], *, correlated: bool) -> Posterior:
@@ -397,8 +412,7 @@ def posterior(problem: Problem, fit: Fit, fish: Fish, scatter: Mapping[str, floa
     factors = fit.jacobian.above(np.concatenate([problem.prior_root, np.diag(1.0 / (high - low))])).factors
     errors = covariance(factors.triangle, _stood_in_for(problem, fit))
     if correlated:
-        blocks = serial_blocks(problem, fit.residual)
-        found = serial(blocks, fit.jacobian.chosen(~fit.at_bound).top(problem.measured).factors.basis)
+        blocks, found = _serial_of(problem, fit)
         moves = factors.triangle @ errors
         errors = moves.T @ middle(found, blocks, factors.basis, problem.measured) @ moves
     own = {p.name for p in problem.model.parameters}

@@ -3,7 +3,7 @@
 Process noise and errors of measured joint angles reach the velocities through the equation of motion, linearised along
 the rollout: its state Jacobian A and its input Jacobian B,
 
-    dv' = A(t) dv + a                                  process noise (`mjfish.noise.process`)
+    dv' = A(t) dv + a                                  process noise (`mjfish.noise.spectral`)
     dv' = A(t) dv + B(t) (dq, dq', dq''),  h = v_m - dv    errors in variables (`mjfish.noise.errors_in_variables`)
 
 with (v_m, dq) a mode of the errors of velocities and joint angles that came out of one smoother
@@ -26,8 +26,8 @@ from mjfish.data import Trial
 from mjfish.data.filters import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
-from mjfish.estimation.clock_wander import first_size
 from mjfish.estimation.fit import Fit
+from mjfish.estimation.marginal_likelihood import first_size
 from mjfish.estimation.omnibus import by_channel, functions
 from mjfish.estimation.problem import Problem
 from mjfish.files.plain_data import restored
@@ -45,8 +45,8 @@ from mjfish.noise import (
     select,
 )
 from mjfish.noise.autoregressive import grid
-from mjfish.noise.differentiation import DEGREES, WINDOWS
 from mjfish.noise.selection import CONTRADICTED, excess, forced
+from mjfish.noise.spectral import FILTERS
 from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of, orthonormal, project_out, readonly
 from mjfish.numerics.block_angular import BlockAngular, span
 from mjfish.ode.jacobians import jacobians, linear_response
@@ -83,8 +83,11 @@ def noise_of(
     rest = unaccounted(problem.trials)
     first = ErrorsInVariables.of(Noise.white(problem.noise.sigma if rest is None else rest), joints.loadings)
     cleared = [first.cleared(*arguments) for arguments in zip(left.trials, left.masks, left.residuals, strict=True)]
-    lost = left.lost + sum(degrees_of_freedom for _, degrees_of_freedom in cleared) / len(CHANNELS)
-    left = replace(left, residuals=[block for block, _ in cleared], lost=lost)
+    left = replace(
+        left,
+        residuals=[block for block, _ in cleared],
+        lost=left.lost + sum(degrees_of_freedom for _, degrees_of_freedom in cleared) / len(CHANNELS),
+    )
     if rest is not None and np.all(excess(left, rest) < CONTRADICTED):
         return first, ""
     base, words = forced(left, jacobians()) if rest is not None else select(left, stated, jacobians, patterns=patterns)
@@ -106,8 +109,9 @@ def walk_of(problem: Problem, fit: Fit, known: Sequence[FloatArray], noise: Nois
 
 def noise_sample(problem: Problem, residuals: Sequence[FloatArray]) -> NoiseSample:
     """Return residuals (n_r, 3) of the trials of a problem to estimate a noise from."""
-    masks = [problem.mask(i) for i in range(len(problem.trials))]
-    return NoiseSample.of(problem.trials, masks, residuals, problem.noise.sigma)
+    return NoiseSample.of(
+        problem.trials, [problem.mask(i) for i in range(len(problem.trials))], residuals, problem.noise.sigma
+    )
 
 
 def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseSample:
@@ -121,8 +125,9 @@ def saturated(problem: Problem, fit: Fit, known: Sequence[FloatArray]) -> NoiseS
     left, cpg = noise_sample(problem, problem.raw(fit.x)), problem.model.fish.cpg
     shapes = [functools.partial(_shapes, cpg, *pair) for pair in zip(problem.trials, left.masks, strict=True)]
     white = replace(problem, noise=Noise.white(problem.noise.sigma))
-    jacobian = white.velocity_rows(white.slopes(fit.x)).chosen(~fit.at_bound)
-    return replace(left, shapes=shapes).without(jacobian.beside(BlockAngular.of(white.whiten(known))))
+    return replace(left, shapes=shapes).without(
+        white.velocity_rows(white.slopes(fit.x)).chosen(~fit.at_bound).beside(BlockAngular.of(white.whiten(known)))
+    )
 
 
 def _shapes(cpg: Cpg | None, trial: Trial, mask: BoolArray) -> FloatArray:
@@ -252,23 +257,15 @@ def smoothing_of(
     best = 1 + int(np.argmin(beside[1:]))
     bases = [orthonormal(signs[:, block]) for block in blocks_of([len(effect.amplitudes()) for effect in others])]
     rival = max((float(np.sum((basis.T @ left[:, 0]) ** 2)) for basis in bases), default=0.0)
-    clear = beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival
-    return tried[best - 1] if clear else None
+    return tried[best - 1] if beside[0] - beside[best] > _CLEAR and alone[0] - alone[best] > rival else None
 
 
 def _filters(noise: Noise) -> list[Differentiator]:
     """Return the filters that the noise may have gone through."""
+    pairs = FILTERS if isinstance(noise, Autoregressive) and noise.order else []
     if isinstance(noise, DifferentiationNoise):
-        return [Differentiator(noise.window, noise.degree, turned) for turned in (False, True)]
-    if not isinstance(noise, Autoregressive) or noise.order == 0:
-        return []
-    return [
-        Differentiator(window, degree, turned)
-        for window in WINDOWS
-        for degree in DEGREES
-        if window > degree
-        for turned in (False, True)
-    ]
+        pairs = [(noise.window, noise.degree)]
+    return [Differentiator(*pair, turned) for pair in pairs for turned in (False, True)]
 
 
 _KINDS: dict[str, Callable[..., Noise]] = {

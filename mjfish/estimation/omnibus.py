@@ -44,16 +44,14 @@ def hats(time: FloatArray, first: float, last: float, count: int = HATS) -> Floa
 def functions(cpg: Cpg | None, trial: Trial, time: FloatArray) -> FloatArray:
     """Return the basis functions of one channel of a trial at some times (n, HATS (1 + 2 HARMONICS))."""
     phase = np.interp(time, trial.time, beat_phase(cpg, trial))
-    waves = [np.ones_like(phase)]
-    for harmonic in range(1, HARMONICS + 1):
-        waves += [np.cos(harmonic * phase), np.sin(harmonic * phase)]
+    turns = (turn(harmonic * phase) for harmonic in range(1, HARMONICS + 1) for turn in (np.cos, np.sin))
+    waves = np.stack([np.ones_like(phase), *turns], axis=1)
     shape = hats(time, float(trial.time[0]), float(trial.time[-1]))
-    return np.asarray(np.einsum("nh,nw->nhw", shape, np.stack(waves, axis=1)).reshape(len(phase), -1))
+    return np.asarray(np.einsum("nh,nw->nhw", shape, waves).reshape(len(phase), -1))
 
 
 def by_channel(waves: FloatArray, places: Sequence[int], channels: int) -> FloatArray:
     """Return functions (n, k) for each of some channels (n, places, channels k), in the columns of its place."""
     blocks = np.zeros((len(waves), len(places), channels, waves.shape[1]))
-    for row, place in enumerate(places):
-        blocks[:, row, place] = waves
+    blocks[:, range(len(places)), list(places)] = waves[:, None]
     return blocks.reshape(len(waves), len(places), -1)

@@ -14,8 +14,7 @@ from mjfish.data.columns import POSE
 from mjfish.data.filters import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
-from mjfish.estimation.time_limit import check_time
-from mjfish.execution import mapped
+from mjfish.execution import check_time, mapped
 from mjfish.files.plain_data import plain
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.model import MARGIN, Model, Prediction
@@ -81,9 +80,14 @@ class _Predicted:
     sensors: tuple[FloatArray, ...]
 
     @property
+    def blocks(self) -> tuple[FloatArray, ...]:
+        """Both."""
+        return self.velocity, *self.sensors
+
+    @property
     def lost(self) -> bool:
         """Whether the rollout did not reach every sample."""
-        return not all(np.all(np.isfinite(block)) for block in (self.velocity, *self.sensors))
+        return not all(np.all(np.isfinite(block)) for block in self.blocks)
 
     def lost_in(self, trial: Trial) -> str:
         """Return the first number that is not finite: its channel, trial and time [s]; empty where there is none."""
@@ -140,9 +144,8 @@ class Problem:
     def parameters(self) -> tuple[Parameter, ...]:
         """The free parameters: the model's, then the nuisance parameters of every trial."""
         own = (p for trial in self.trials for p in nuisances(trial, self.free_clock, self.walk))
-        scales = [clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials)]
-        scaled = (clocks.scale(name) for name in scales if name in self.declared)
-        every = (*self.model.parameters, *own, *scaled)
+        scales = (clocks.SCALE, *(f"{trial.name}:{clocks.SCALE}" for trial in self.trials))
+        every = (*self.model.parameters, *own, *(clocks.scale(name) for name in scales if name in self.declared))
         return tuple(self.declared.get(p.name, p) for p in every if p.name not in self.fixed)
 
     @property
@@ -163,15 +166,13 @@ class Problem:
 
         The derivatives are of what was found, as those of a prediction.
         """
-        rates, by_name = np.zeros((len(self.with_priors), len(x))), self.deviation_rates(x)
-        for row, i in enumerate(self.with_priors):
-            rates[row, i] = by_name[self.parameters[i].name]
-        return np.array([-self.parameters[i].deviation(float(x[i])) for i in self.with_priors]), rates
+        rates, places = np.zeros((len(self.with_priors), len(x))), list(self.with_priors)
+        rates[range(len(places)), places] = [*self.deviation_rates(x).values()]
+        return np.array([-self.parameters[i].deviation(float(x[i])) for i in places]), rates
 
     def deviation_rates(self, x: FloatArray) -> dict[str, float]:
         """Return the rate of each known parameter's `deviation` by its value, by name."""
-        known = [(self.parameters[i], float(x[i])) for i in self.with_priors]
-        return {p.name: p.deviation_rate(value) for p, value in known}
+        return {self.parameters[i].name: self.parameters[i].deviation_rate(float(x[i])) for i in self.with_priors}
 
     @cached_property
     def samples(self) -> int:
@@ -191,8 +192,8 @@ class Problem:
     @cached_property
     def sensor_rows(self) -> list[slice]:
         """Where the rows of each of `sensors` stand in a whitened residual; in them a sample is a row of channels."""
-        counts = [np.count_nonzero(self.sensor_mask(i, s)) * len(s.channels) for i, s in self.sensors]
-        return blocks_of([self.samples, *map(int, counts)])[1:]
+        counts = (int(np.count_nonzero(self.sensor_mask(i, s))) * len(s.channels) for i, s in self.sensors)
+        return blocks_of([self.samples, *counts])[1:]
 
     @cached_property
     def numbers(self) -> int:
@@ -247,21 +248,15 @@ class Problem:
 
     def raw(self, x: FloatArray) -> list[FloatArray]:
         """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
-        return [
-            velocity_residual(trial, predicted.velocity)[self.mask(i)]
-            for i, (trial, predicted) in enumerate(zip(self.trials, self._run(x), strict=True))
-        ]
+        return self._counted_residuals(self._run(x))
 
     def raw_and_sensors(self, x: FloatArray) -> Slopes:
         """Return the residuals as one column, (n_r, 3, 1) a trial, and those of the sensors (m, 1), whitened."""
-        predicted = self._run(x)
-        velocity = [
-            velocity_residual(trial, own.velocity)[self.mask(i)][:, :, None]
-            for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True))
-        ]
-        one = np.zeros(1, dtype=np.intp)
-        sensors = [block[:, None] for block in self._sensor_residuals(predicted)]
-        return Slopes(one, [one[:0]] * len(self.trials), velocity, sensors)
+        predicted, one = self._run(x), np.zeros(1, dtype=np.intp)
+        velocity = [block[:, :, None] for block in self._counted_residuals(predicted)]
+        return Slopes(
+            one, [one[:0]] * len(self.trials), velocity, [block[:, None] for block in self._sensor_residuals(predicted)]
+        )
 
     def predictions(self, x: FloatArray) -> list[FloatArray]:
         """Return predicted velocities (n_r, 3) of every trial, all samples."""
@@ -275,10 +270,9 @@ class Problem:
         """Return which trial diverges, when and with which parameters; empty where none does."""
         predicted = [(trial, self.prediction(trial, self.named(x))) for trial in self.trials]
         lost = [(t, own, _Predicted(own.velocity, own.sensors).lost_in(t)) for t, own in predicted]
-        words = [
-            f"{trial.name} {own.message}" if own.message else f"{at} is no number" for trial, own, at in lost if at
-        ]
-        return "; ".join(words)
+        return "; ".join(
+            f"{t.name} {own.message}" if own.message else f"{at} is no number" for t, own, at in lost if at
+        )
 
     def lost_row(self, residual: FloatArray) -> str:
         """Return where a whitened residual (n,) is not finite first: channel, trial and time [s] of a velocity."""
@@ -291,8 +285,7 @@ class Problem:
     def jacobian(self, x: FloatArray) -> BlockAngular:
         """Return the derivative (n, p) of the whitened *prediction* by the free parameters; then `deviation_rows`."""
         shared, own, found = self._slopes_by_trial(x, self.parameters)
-        rows = self._stacked(shared, own, (one for one, _ in found), self.measured)
-        return rows.above(self.deviation_rows(x)[1])
+        return self._stacked(shared, own, (one for one, _ in found), self.measured).above(self.deviation_rows(x)[1])
 
     def jacobian_of(self, slopes: Slopes, x: FloatArray) -> BlockAngular:
         """Return the same of derivatives by all free parameters that are known already."""
@@ -320,8 +313,9 @@ class Problem:
 
     def velocity_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`samples`, k) of the velocities alone."""
-        blocks = (_Predicted(block, ()) for block in slopes.velocity)
-        return self._stacked(slopes.shared, slopes.per_trial, blocks, self.samples)
+        return self._stacked(
+            slopes.shared, slopes.per_trial, (_Predicted(block, ()) for block in slopes.velocity), self.samples
+        )
 
     def _measured_rows(self, slopes: Slopes) -> BlockAngular:
         """Return derivatives as whitened rows (`measured`, k) of velocities and sensors."""
@@ -382,12 +376,11 @@ class Problem:
     ) -> tuple[IntArray, list[IntArray], Iterator[tuple[_Predicted, dict[str, str]]]]:
         """Return `shared` and `own` of the slopes by some parameters; of each trial the others, and what is lost."""
         here = self.named(x)
-        shared = np.array([k for k, p in enumerate(chosen) if ":" not in p.name], dtype=np.intp)
-        names = {trial.name: list[int]() for trial in self.trials}
+        places: dict[str, list[int]] = {}
         for k, p in enumerate(chosen):
-            if ":" in p.name:
-                names[p.name.rpartition(":")[0]].append(k)
-        own = [np.array(names[trial.name], dtype=np.intp) for trial in self.trials]
+            places.setdefault(p.name.rpartition(":")[0], []).append(k)
+        names = ("", *(trial.name for trial in self.trials))
+        shared, *own = (np.array(places.get(name, []), dtype=np.intp) for name in names)
 
         def counted(index: int) -> tuple[_Predicted, dict[str, str]]:
             asked = [chosen[k] for k in (*shared, *own[index])]
@@ -395,8 +388,8 @@ class Problem:
             each = (
                 _Predicted(found.velocity[..., k], tuple(b[..., k] for b in found.sensors)) for k in range(len(asked))
             )
-            places = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
-            lost = dict(places) if found.lost else {}  # before the derivatives become 0 there
+            words = ((p.name, one.lost_in(self.trials[index])) for p, one in zip(asked, each, strict=True) if one.lost)
+            lost = dict(words) if found.lost else {}  # before the derivatives become 0 there
             return self._counted(index, found), lost
 
         return shared, own, mapped(counted, range(len(self.trials)))
@@ -448,8 +441,11 @@ class Problem:
         sensors, begin = self.trials[index].sensors, self._window(index)[0]
         if self.joint_errors is None or begin == -np.inf:
             return [np.zeros_like(block) for block in left]
-        before = [self._between(index, s, -np.inf, np.nextafter(begin, -np.inf)) for s in sensors]
-        errors = self.joint_errors(self.trials[index], [self.sigma_of(s) for s in sensors], before)
+        errors = self.joint_errors(
+            self.trials[index],
+            [self.sigma_of(s) for s in sensors],
+            [self._between(index, s, -np.inf, np.nextafter(begin, -np.inf)) for s in sensors],
+        )
         return [np.zeros_like(block) for block in left] if errors is None else errors.explained(left)
 
     def _slopes(self, trial: Trial, here: Mapping[str, float], chosen: Sequence[Parameter]) -> _Predicted:
@@ -459,30 +455,26 @@ class Problem:
         model = self._sloping
         rough = [k for k, name in own.items() if one_sided(model, name, here[chosen[k].name])]
         exact = [k for k in own if k not in rough]
-        names = [own[k] for k in exact]
         slopes, read = with_sensors(
-            model, clocks.clocked(trial, here), here, names, **self._trial_arguments(trial, here)
+            model, clocks.clocked(trial, here), here, [own[k] for k in exact], **self._trial_arguments(trial, here)
         )
         for column, k in enumerate(exact):
             if own[k] == clocks.SCALE:  # derived relative to the scale that the wave has
                 for block in (slopes, *read):
                     block[:, :, column] /= here[chosen[k].name]
-        slopes = self._smoothed(trial, slopes)
+        found = _Predicted(self._smoothed(trial, slopes), read)
         if not rough:
-            return _Predicted(slopes, read)
-        result = np.zeros((len(trial.time), len(CHANNELS), len(chosen)))
-        beside = tuple(np.zeros((*sensor.values.shape, len(chosen))) for sensor in trial.sensors)
-        result[:, :, exact] = slopes
-        for whole, block in zip(beside, read, strict=True):
+            return found
+        blocks = [np.zeros((*block.shape[:2], len(chosen))) for block in found.blocks]
+        for whole, block in zip(blocks, found.blocks, strict=True):
             whole[:, :, exact] = block
         base = self._predict((trial, dict(here)))
         for k in rough:
             name, h = chosen[k].name, 0.1 * chosen[k].scale
             near, far = (self._predict((trial, {**here, name: here[name] + by})) for by in (h, 2.0 * h))
-            result[:, :, k] = (2.0 * near.velocity - 1.5 * base.velocity - 0.5 * far.velocity) / h
-            for whole, *three in zip(beside, near.sensors, base.sensors, far.sensors, strict=True):
+            for whole, *three in zip(blocks, near.blocks, base.blocks, far.blocks, strict=True):
                 whole[:, :, k] = (2.0 * three[0] - 1.5 * three[1] - 0.5 * three[2]) / h
-        return _Predicted(result, beside)
+        return _Predicted(blocks[0], tuple(blocks[1:]))
 
     @cached_property
     def _sloping(self) -> Model:
@@ -514,21 +506,10 @@ class Problem:
         None counts of a trial without any velocity.
         """
         trial = self.trials[index]
-        if not trial.measured.any():
-            return np.zeros(len(trial.time), dtype=np.bool_)
-        keep = np.ones(len(trial.time), dtype=np.bool_)
-        beside = 1.5 * trial.step
-        if self.smoothing is not None:
-            reach = self.smoothing.reach(trial.step)
-            beside += reach
-            keep &= (trial.time >= trial.time[0] + reach) & (trial.time <= trial.time[-1] - reach)
-        for segment in trial.drive[1:]:
-            keep &= np.abs(trial.time - segment.start) > beside
-        if trial.joint_angle is not None:
-            keep &= (trial.time >= trial.time[0] + MARGIN) & (trial.time <= trial.time[-1] - MARGIN)
+        reach = self.smoothing.reach(trial.step) if self.smoothing is not None else 0.0
+        keep = self._inside(index, trial.time, 1.5 * trial.step + reach, *self._window(index), margin=reach)
         keep[: self.ends] = keep[len(keep) - self.ends :] = False
-        begin, end = self._window(index)
-        return np.asarray(keep & (trial.time >= begin) & (trial.time <= end))
+        return np.asarray(keep & trial.measured.any())
 
     def sensor_mask(self, index: int, sensor: Sensor) -> BoolArray:
         """Return which samples (m,) of a sensor of a trial count: those within it, not beside a step of the drive.
@@ -543,12 +524,22 @@ class Problem:
 
     def _between(self, index: int, sensor: Sensor, begin: float, end: float) -> BoolArray:
         """Return which samples (m,) of a sensor would count, were this the window."""
+        return self._inside(index, sensor.time, 1.5 * sensor.step, begin, end, margin=-1e-9)
+
+    def _inside(
+        self, index: int, time: FloatArray, beside: float, begin: float, end: float, margin: float
+    ) -> BoolArray:
+        """Return which times (m,) are in a window, not beside a step of the drive of a trial, nor at its ends.
+
+        These are as long as a margin [s], and where the joints were measured as `MARGIN`.
+        """
         trial = self.trials[index]
-        inside = -1e-9 if trial.joint_angle is None else MARGIN
-        begin, end = max(begin, trial.time[0] + inside), min(end, trial.time[-1] - inside)
-        keep = np.asarray((sensor.time >= begin) & (sensor.time <= end))
+        if trial.joint_angle is not None:
+            margin = max(margin, MARGIN)
+        begin, end = max(begin, trial.time[0] + margin), min(end, trial.time[-1] - margin)
+        keep = np.asarray((time >= begin) & (time <= end))
         for segment in trial.drive[1:]:
-            keep &= np.abs(sensor.time - segment.start) > 1.5 * sensor.step
+            keep &= np.abs(time - segment.start) > beside
         return keep
 
     def sigma_of(self, sensor: Sensor) -> FloatArray:
@@ -557,8 +548,7 @@ class Problem:
 
     def rows_by_trial(self) -> list[slice]:
         """Return where the rows of the velocities of each trial stand in a whitened residual."""
-        counted = (int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials)))
-        return blocks_of([len(CHANNELS) * samples for samples in counted])
+        return blocks_of([len(CHANNELS) * int(np.count_nonzero(self.mask(i))) for i in range(len(self.trials))])
 
     @cached_property
     def trial_rows(self) -> list[IntArray]:
@@ -577,14 +567,14 @@ class Problem:
         return {**self.fixed, **{p.name: float(v) for p, v in zip(self.parameters, x, strict=True)}}
 
     def _stack(self, predicted: list[_Predicted]) -> FloatArray:
-        parts = []
-        for i, (trial, own) in enumerate(zip(self.trials, predicted, strict=True)):
-            keep = self.mask(i)
-            if own.lost:
-                parts.append(np.full(len(CHANNELS) * int(np.count_nonzero(keep)), LOST))
-            else:
-                parts.append(self.whitened(i, velocity_residual(trial, own.velocity)[keep]).ravel())
-        return np.concatenate([*parts, *(self._sensor_residuals(predicted) if self.sensors else ())])
+        white = [self.whitened(i, left).ravel() for i, left in enumerate(self._counted_residuals(predicted))]
+        velocities = [np.full_like(w, LOST) if own.lost else w for w, own in zip(white, predicted, strict=True)]
+        return np.concatenate([*velocities, *(self._sensor_residuals(predicted) if self.sensors else ())])
+
+    def _counted_residuals(self, predicted: list[_Predicted]) -> list[FloatArray]:
+        """Return residuals (n_r, 3) of every trial's counted samples, in physical units; zero where not measured."""
+        pairs = enumerate(zip(self.trials, predicted, strict=True))
+        return [velocity_residual(trial, own.velocity)[self.mask(i)] for i, (trial, own) in pairs]
 
     def _sensor_residuals(self, predicted: list[_Predicted]) -> list[FloatArray]:
         """Return whitened residuals (m,) of each sensor."""
@@ -628,9 +618,12 @@ class Problem:
             pose = np.array(
                 [values.get(f"{trial.name}:start.{name}", float(v)) for name, v in zip(POSE, measured, strict=True)]
             )
-        offsets = {s.name: values.get(f"{trial.name}:{s.clock}", 0.0) for s in trial.sensors}
-        offset = values.get(f"{trial.name}:clock.offset", 0.0)
-        return {"velocity": velocity, "offset": offset, "pose": pose, "sensor_offsets": offsets}
+        return {
+            "velocity": velocity,
+            "offset": values.get(f"{trial.name}:clock.offset", 0.0),
+            "pose": pose,
+            "sensor_offsets": {s.name: values.get(f"{trial.name}:{s.clock}", 0.0) for s in trial.sensors},
+        }
 
 
 #: Sensors that see where the run began, and its heading there.
@@ -655,8 +648,7 @@ def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parame
         rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, trial.velocity[0], strict=True)
         for channel, scale, reach, sd, measured in rows:
             centre = float(np.nan_to_num(measured))
-            name, unit = f"{trial.name}:start.{channel}", UNITS[channel]
-            own = Parameter(name, unit, centre, centre - reach, centre + reach, centre, scale, about="at the start")
+            own = _at_start(f"{trial.name}:start.{channel}", UNITS[channel], centre, reach, scale)
             declared.append(own if np.isnan(measured) else replace(own, sd=sd))
     if free_clock:
         declared.append(
@@ -665,34 +657,37 @@ def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parame
     return (*declared, *clocks.parameters(trial), *clocks.walk(trial, walk), *_of_sensors(trial))
 
 
+def _at_start(name: str, unit: str, centre: float, reach: float, scale: float) -> Parameter:
+    return Parameter(name, unit, centre, centre - reach, centre + reach, centre, scale, about="at the start")
+
+
 def _of_sensors(trial: Trial) -> Iterator[Parameter]:
     """Yield the pose at the start, as far as sensors see it, and the offsets of their clocks."""
     seen = {name for sensor in trial.sensors for name in _SEES_POSE.get(sensor.kind, ())}
     for name, centre, scale, reach in zip(POSE, _first_pose(trial), _POSE_SCALE, _POSE_RANGE, strict=True):
         if name in seen:
-            low, high = centre - reach, centre + reach
-            unit = columns.UNITS[name]
-            yield Parameter(f"{trial.name}:start.{name}", unit, centre, low, high, centre, scale, about="at the start")
+            yield _at_start(f"{trial.name}:start.{name}", columns.UNITS[name], centre, reach, scale)
     for sensor in trial.sensors:
         if sensor.free_clock:
-            about = f"clock offset of {sensor.name}"
             yield Parameter(
-                f"{trial.name}:{sensor.clock}", "s", 0.0, -_CLOCK_RANGE, _CLOCK_RANGE, 0.0, _CLOCK_SCALE, about=about
+                f"{trial.name}:{sensor.clock}",
+                "s",
+                0.0,
+                -_CLOCK_RANGE,
+                _CLOCK_RANGE,
+                0.0,
+                _CLOCK_SCALE,
+                about=f"clock offset of {sensor.name}",
             )
 
 
 def _first_pose(trial: Trial) -> tuple[float, float, float]:
     """Return a first guess of x, y [m], yaw [rad] at the start: as measured, else by the first part of a track."""
-    found = np.full(3, np.nan) if trial.pose is None else trial.pose[0].copy()
-    for sensor in trial.sensors:
-        first = sensor.values[0]
-        if sensor.kind == "heading" and np.isnan(found[2]):
-            found[2] = first[0]
-        if sensor.kind == "position" and np.isnan(found[0]):
-            found[:2] = first
-    for sensor in trial.sensors:
-        if sensor.kind == "position" and np.isnan(found[2]):
-            moved = sensor.values[int(_FIRST_PART * len(sensor.time))] - sensor.values[0]
-            found[2] = np.arctan2(moved[1], moved[0])
-    x, y, yaw = np.nan_to_num(found)
-    return float(x), float(y), float(yaw)
+    measured = np.full(3, np.nan) if trial.pose is None else trial.pose[0]
+    tracks, headings = ([s.values for s in trial.sensors if s.kind == kind] for kind in ("position", "heading"))
+    moved = [track[int(_FIRST_PART * len(track))] - track[0] for track in tracks]
+    places = [measured[:2], *(track[0] for track in tracks)]
+    yaws = [measured[2], *(heading[0, 0] for heading in headings), *(np.arctan2(y, x) for x, y in moved)]
+    x, y = next((place for place in places if not np.isnan(place[0])), places[0])
+    yaw = next((angle for angle in yaws if not np.isnan(angle)), np.nan)
+    return float(np.nan_to_num(x)), float(np.nan_to_num(y)), float(np.nan_to_num(yaw))

@@ -127,12 +127,9 @@ class Series:
 
 def series_of(problem: Problem, blocks: Sequence[Block]) -> list[Series]:
     """Return every channel that was measured of the blocks of a problem."""
-    trials, found = {trial.name: i for i, trial in enumerate(problem.trials)}, []
-    for block in blocks:
-        index = trials[block.trial]
-        channels = _channels(problem.trials[index], block.series)
-        found += [Series(index, name, block, column) for column, name in channels]
-    return found
+    places = {trial.name: i for i, trial in enumerate(problem.trials)}
+    at = [(places[block.trial], block) for block in blocks]
+    return [Series(i, name, block, c) for i, block in at for c, name in _channels(problem.trials[i], block.series)]
 
 
 def _channels(trial: Trial, series: str) -> list[tuple[int, str]]:
@@ -267,9 +264,9 @@ class _Scores:
     @classmethod
     def summed(cls, parts: Sequence[_Scores]) -> _Scores:
         """Return the scores of several trials."""
-        along = np.concatenate([part.along for part in parts])
         return cls(
-            **{name: sum(getattr(p, name) for p in parts) for name in vars(parts[0]) if name != "along"}, along=along
+            **{name: sum(getattr(p, name) for p in parts) for name in vars(parts[0]) if name != "along"},
+            along=np.concatenate([part.along for part in parts]),
         )
 
     def deviations(self, spread: FloatArray) -> FloatArray:
@@ -288,8 +285,7 @@ class _Scores:
         shares, directions = np.linalg.eigh(np.eye(len(r)) + r @ k @ r.T)
         inside, kept = q.T @ y, shares > _LEFT
         turned = (directions.T @ inside)[kept]
-        statistic = float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept]))
-        return statistic, len(y) - int(np.count_nonzero(~kept))
+        return float(y @ y - inside @ inside + np.sum(turned**2 / shares[kept])), len(y) - int(np.count_nonzero(~kept))
 
 
 def independence(problem: Problem, fit: Fit, series: Sequence[Series]) -> tuple[CrossCorrelation, ...]:
@@ -377,11 +373,9 @@ class _Setting:
 
     def spread(self) -> FloatArray:
         """Return Q_s' Omega Q_s (k, k); Omega is 1 in the rows behind the measured ones, of what is known before."""
-        shared = self.basis.shared
+        shared, rows = self.basis.shared, self.problem.trial_rows
         known = shared[self.problem.measured :]
-        parts = (
-            self._quadratic(trial, shared[self.problem.trial_rows[trial]]) for trial in {o.trial for o in self.series}
-        )
+        parts = (self._quadratic(trial, shared[rows[trial]]) for trial in {o.trial for o in self.series})
         return np.asarray(sum(parts, known.T @ known))
 
     def scores(self, series: Series, name: str) -> _Scores:
@@ -389,8 +383,7 @@ class _Setting:
         rows, waves = self.problem.trial_rows[series.trial], self.waves[series.trial, series.block.series, name]
         columns, (run, own, shared) = self._whitened(series, waves.basis), self.basis.at(rows)
         taken, d, main = own.T @ columns, columns.shape[1], waves.main
-        cleared = columns - own @ taken
-        omega = self._quadratic(series.trial, np.hstack([columns, cleared, shared]))
+        omega = self._quadratic(series.trial, np.hstack([columns, columns - own @ taken, shared]))
         before, after, mixed = omega[:main, :main], omega[d : 2 * d, d : 2 * d], omega[d : 2 * d, 2 * d :]
         if run >= 0:  # what is known of the trial's own parameters
             mine, q = self.basis.per_run[run]
@@ -459,8 +452,7 @@ def lagged(problem: Problem, index: int, series: str, name: str) -> Lagged:
         name: of the input.
     """
     trial = problem.trials[index]
-    sensors = {sensor.name: sensor.time for sensor in trial.sensors}
-    time = sensors[series] if series else trial.time[problem.mask(index)]
+    time = next((s.time for s in trial.sensors if s.name == series), trial.time[problem.mask(index)])
     motion = requested_motion(problem.model.fish.cpg, trial, STEP)
     moving = np.flatnonzero(np.ptp(motion.angle, axis=(0, 1)) > 0.0)
     values = np.zeros((len(time), len(LAG)))
@@ -560,9 +552,9 @@ def residual_tests(problem: Problem, fit: Fit, *, lags: int = LAGS) -> ResidualT
     series = series_of(problem, serial_blocks(problem, fit.residual))
     white, independent = whiteness(series, problem.noise.order, lags=lags), independence(problem, fit, series)
     p_white, p_independent = _least(white), _least(independent)
-    if not white or not independent:
-        return ResidualTests(white, independent, p_white, p_independent, "untested")
     status: Status = "dependent" if p_independent < LEVEL else "coloured" if p_white < LEVEL else "passed"
+    if not white or not independent:
+        status = "untested"
     return ResidualTests(white, independent, p_white, p_independent, status)
 
 

@@ -40,7 +40,7 @@ from mjfish.drive.measured import Smoothed
 from mjfish.estimation.problem import Problem
 from mjfish.model.model import Prepared, recorded_joints
 from mjfish.model.sensing import Camera, Moments
-from mjfish.noise.kalman import Gains, Sparse, advance, filtered_states, variances, whitened
+from mjfish.noise.kalman import Gains, Sparse, add_row, advance, filtered_states, variances, whitened
 from mjfish.numerics.arrays import BoolArray, FloatArray, blocks_of
 from mjfish.numerics.block_angular import IntArray
 from mjfish.numerics.compiled import compiled, part
@@ -241,8 +241,9 @@ def _move(
     width = 6 + 6 * joints
     at = 0
     x, k, sum_k, there = np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width)), np.zeros((6, width))
-    basis = np.zeros((3, 6))
-    a, b = np.zeros((3, 3)), np.zeros((3, 3, joints))
+    basis, b, head = np.zeros((3, 6)), np.zeros((3, 3, joints)), np.zeros(6)
+    rates = np.zeros((6, 6))  # of the head by the head
+    rates[5, 2] = 1.0
     for i in range(time.shape[0] - 1):
         w = time[i + 1] - time[i]
         parts = max(int(np.ceil(w / _LONGEST_STEP)), 1)
@@ -261,23 +262,17 @@ def _move(
                 while at > 0 and grid[at] > now:
                     at -= 1
                 share = min(max((now - grid[at]) / (grid[at + 1] - grid[at]), 0.0), 1.0)
-                for r in range(3):
-                    for c in range(3):
-                        a[r, c] = (1.0 - share) * by_state[at, r, c] + share * by_state[at + 1, r, c]
-                        for j in range(joints):
-                            b[r, c, j] = (1.0 - share) * by_input[at, r, c, j] + share * by_input[at + 1, r, c, j]
-                surge = (1.0 - share) * state[at, 0] + share * state[at + 1, 0]
-                sway = (1.0 - share) * state[at, 1] + share * state[at + 1, 1]
-                yaw = (1.0 - share) * state[at, 5] + share * state[at + 1, 5]
-                cos, sin = np.cos(yaw), np.sin(yaw)
+                rates[:3, :3] = (1.0 - share) * by_state[at] + share * by_state[at + 1]
+                b[:] = (1.0 - share) * by_input[at] + share * by_input[at + 1]
+                head[:] = (1.0 - share) * state[at] + share * state[at + 1]
+                surge, sway, cos, sin = head[0], head[1], np.cos(head[5]), np.sin(head[5])
+                rates[3, 0], rates[3, 1], rates[3, 5] = cos, -sin, -(sin * surge + cos * sway)
+                rates[4, 0], rates[4, 1], rates[4, 5] = sin, cos, cos * surge - sin * sway
                 _quintic((piece * h + ahead) / w, w, basis)
                 k[:] = 0.0
-                for c in range(width):
-                    for r in range(3):
-                        k[r, c] = a[r, 0] * there[0, c] + a[r, 1] * there[1, c] + a[r, 2] * there[2, c]
-                    k[3, c] = cos * there[0, c] - sin * there[1, c] - (sin * surge + cos * sway) * there[5, c]
-                    k[4, c] = sin * there[0, c] + cos * there[1, c] + (cos * surge - sin * sway) * there[5, c]
-                    k[5, c] = there[2, c]
+                for r in range(6):
+                    for c in range(6):
+                        add_row(k, r, there, c, rates[r, c])
                 for j in range(joints):
                     for c in range(6):
                         for r in range(3):
@@ -285,13 +280,9 @@ def _move(
                                 k[r, 6 + 6 * j + c] += b[r, order, j] * basis[order, c]
                 weight = 1.0 if stage == 0 or stage == 3 else 2.0
                 step = 0.5 * h if stage < 2 else h
-                for r in range(6):
-                    for c in range(width):
-                        sum_k[r, c] += weight * k[r, c]
-                        there[r, c] = x[r, c] + step * k[r, c]
-            for r in range(6):
-                for c in range(width):
-                    x[r, c] += h / 6.0 * sum_k[r, c]
+                sum_k += weight * k
+                there[:] = x + step * k
+            x += h / 6.0 * sum_k
         out[i] = x
 
 

@@ -58,7 +58,7 @@ class Block:
         """Return columns (m, k) at `rows` as (n, 3, k) on the grid; channels that a sensor has not are zero."""
         found = np.zeros((len(self.residual), 3, columns.shape[1]))
         channels = len(self.rows) // max(len(self.cells), 1)
-        found[self.cells, :channels] = columns.reshape(len(self.cells), channels, -1)
+        found[self.cells, :channels] = columns.reshape(len(self.cells), channels, columns.shape[1])
         return found
 
 
@@ -87,11 +87,9 @@ def blocks_of(problem: Problem, residual: FloatArray) -> tuple[Block, ...]:
 
 
 def _block(residual: FloatArray, time: FloatArray, rows: slice, trial: str, step: float, series: str = "") -> Block:
-    cells = rows_of(time) if len(time) else np.zeros(0, dtype=np.intp)
-    nothing = np.zeros((int(cells[-1]) + 1 if len(cells) else 0, 3))
+    cells = rows_of(time)[: len(time)]
+    nothing = np.zeros((int(cells.max(initial=-1)) + 1, 3))
     block = Block(trial, nothing, np.arange(rows.start, rows.stop), cells, step, series)
-    if not len(cells):
-        return block
     return replace(block, residual=block.on_grid(residual[rows, None])[:, :, 0])
 
 
@@ -203,8 +201,10 @@ def serial_apart(blocks: Sequence[Block], bases: Sequence[FloatArray]) -> Serial
 def _serial(
     blocks: Sequence[Block], basis: Sequence[FloatArray], joined: Callable[[list[FloatArray]], list[FloatArray]]
 ) -> Serial:
-    every = {block.series for block in blocks}
-    longest = {s: int(_LONGEST * min(len(b.residual) for b in blocks if b.series == s)) for s in every}
+    longest = {
+        s: int(_LONGEST * min(len(b.residual) for b in blocks if b.series == s))
+        for s in {block.series for block in blocks}
+    }
     lengths = tuple(fft.next_fast_len(len(b.residual) + longest[b.series] + 1, real=True) for b in blocks)
     pairs = list(zip(blocks, lengths, strict=True))
     sums = [_lag_sums(block.residual[:, :, None], block.residual[:, :, None], n) for block, n in pairs]

@@ -168,8 +168,14 @@ def reduced(problem: Problem, fit: Fit) -> Reduced:
         left.append((replace(block, residual=block.on_grid(rest[:, None])[:, :, 0]), both))
     found = serial_apart([block for block, _ in left], [both for _, both in left])
     middles = [found.quadratic_of(r, q) for r, q in enumerate(bases)]
-    names = tuple(block.trial for block in blocks)
-    return Reduced(names, found, tuple(bases), np.array(factors), np.array(residual), np.array(middles))
+    return Reduced(
+        tuple(block.trial for block in blocks),
+        found,
+        tuple(bases),
+        np.array(factors),
+        np.array(residual),
+        np.array(middles),
+    )
 
 
 @dataclass(frozen=True)
@@ -244,7 +250,7 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
     ranked = tuple(sorted(alone, key=lambda test: (test.p_value, -test.statistic)))
     p_value_of_first = min(1.0, len(ranked) * ranked[0].p_value)
     p_value_combined = min(1.0, 2.0 * min(p_value, p_value_of_first))
-    text = _words(p_value_combined >= alpha, p_value_combined, ranked[0], len(problem.trials))
+    stable = p_value_combined >= alpha
     return Stability(
         statistic,
         degrees_of_freedom,
@@ -252,9 +258,9 @@ def stability(problem: Problem, fit: Fit, *, alpha: float = 0.05) -> Stability:
         ranked,
         p_value_of_first,
         p_value_combined,
-        p_value_combined >= alpha,
+        stable,
         alpha,
-        text,
+        _words(stable, p_value_combined, ranked[0], len(problem.trials)),
         scatter(problem, fit, small),
     )
 

@@ -10,6 +10,7 @@ import contextvars
 import math
 import os
 import threading
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
@@ -170,3 +171,32 @@ def _answer(sent: tuple[bytes, bytes]) -> bytes:
             return bytes(cloudpickle.dumps((function(task), None)))
         except Exception as error:
             return bytes(cloudpickle.dumps((None, error)))
+
+
+#: When the time is up, and how many seconds there were.
+_end: ContextVar[tuple[float, float]] = ContextVar("end", default=(math.inf, math.inf))
+
+
+class PastLimitError(Exception):
+    """The work took longer than it may."""
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Let work of this thread raise `PastLimitError` that many seconds from now.
+
+    The clock is looked at before every simulation: code that never returns, in an effect of the user's, is not ended.
+    """
+    token = _end.set(min(_end.get(), (time.monotonic() + seconds, seconds)))
+    try:
+        yield
+    finally:
+        _end.reset(token)
+
+
+def check_time() -> None:
+    """Count a simulation, or raise `PastLimitError` where the time is up."""
+    execution().meter.simulated()
+    end, seconds = _end.get()
+    if time.monotonic() > end:
+        raise PastLimitError(f"it took longer than the limit of {seconds:g} s")

@@ -18,7 +18,7 @@ from mjfish.errors import UnknownNameError, located
 from mjfish.files import tomlfile
 from mjfish.files.tomlfile import Table
 from mjfish.fish import Fish, fish_toml
-from mjfish.model.model import LoadsOfRun, Model, active_effects, loads_of
+from mjfish.model.model import LoadsOfRun, Model, active_effects, built, driven, loads_of
 
 #: What to do about an effect that is not shipped.
 OWN = "a cause of your own needs its file: --effects FILE"
@@ -54,10 +54,7 @@ class Extended:
     @property
     def fish(self) -> Fish:
         """The fish as it really is, with its coefficients: through every hook ``body``."""
-        fish = with_values(self.model.fish, self.values)
-        for effect, own in self.active:
-            fish = effect.body(fish, own)
-        return fish
+        return built(with_values(self.model.fish, self.values), self.active)
 
     def loads(self, trial: Trial) -> LoadsOfRun:
         """Return the loads of the water, with their parameters and what they need to know of a trial."""
@@ -65,10 +62,7 @@ class Extended:
 
     def drive(self, motion: JointMotion) -> JointMotion:
         """Return the joint motion that the joints get, from the one that is asked for."""
-        for effect, own in self.active:
-            if effect.domain == "drive":
-                motion = effect.drive(motion, own)
-        return motion
+        return driven(motion, tuple((e, tuple(own.items())) for e, own in self.active if e.domain == "drive"))
 
     @property
     def seen(self) -> tuple[str, ...]:
@@ -146,8 +140,12 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
     own = Extended(
         replace(model, fish=fish), {name: v for name, v in values.items() if name not in fish.coefficient_names}
     ).values
-    effects = {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects}
-    fish_toml.write(path, fish, comments, effects)
+    fish_toml.write(
+        path,
+        fish,
+        comments,
+        {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects},
+    )
 
 
 def with_values(fish: Fish, values: Mapping[str, float]) -> Fish:

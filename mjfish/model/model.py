@@ -99,8 +99,7 @@ class Model:
         """Give each effect the parameters that this fish has; refuse one that is there twice."""
         check("Model: fish", self.fish, Fish)
         check("Model: effects", self.effects, tuple[Effect, ...])
-        effects = tuple(effect.for_fish(self.fish) or effect for effect in self.effects)
-        object.__setattr__(self, "effects", effects)
+        object.__setattr__(self, "effects", tuple(effect.for_fish(self.fish) or effect for effect in self.effects))
         names = [effect.name for effect in self.effects]
         if len(set(names)) < len(names):
             raise InputError(f"effects {', '.join(names)}: one is there twice; give each once")
@@ -176,9 +175,7 @@ class Model:
             keep: names of effects that act even at their null values, for derivatives there.
         """
         active = active_effects(self, values, keep)
-        fish = numbered(self.fish, values)
-        for effect, own in active:
-            fish = effect.body(fish, own)
+        fish = built(numbered(self.fish, values), active)
         servos = servos_of(active, trial)
         step = _refined(self.step, fish, requested_motion(self.fish.cpg, trial, self.step, self.penalty_share), values)
         time, begun = beginning(active, trial, velocity, offset)
@@ -214,6 +211,13 @@ def active_effects(model: Model, values: Mapping[str, float], keep: Sequence[str
     """Return the effects off their null values, and those to keep, with their parameters by short names."""
     own = [(effect, effect.short_values(values)) for effect in model.effects]
     return tuple((effect, numbers) for effect, numbers in own if effect.name in keep or not effect.is_null(numbers))
+
+
+def built(fish: Fish, active: ActiveEffects) -> Fish:
+    """Return the fish as it really is: through the hooks ``body`` of effects, one behind the other."""
+    for effect, own in active:
+        fish = effect.body(fish, own)
+    return fish
 
 
 def beginning(
@@ -275,8 +279,9 @@ def requested_motion(cpg: Cpg | None, trial: Trial, step: float, share: float = 
     if trial.joint_angle is not None:
         return _measured_motion(trial, step, share)
     if trial.wave is not None:
-        end = float(trial.time[-1]) + LEAD
-        return wave.joint_motion(trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), end, step)
+        return wave.joint_motion(
+            trial.wave, 0.0 if trial.starts_at_rest else float(trial.time[0]), float(trial.time[-1]) + LEAD, step
+        )
     if cpg is None:
         raise InputError(f"trial '{trial.name}' is driven by a CPG, but the fish has none; add [cpg] to the fish")
     return hopf.joint_motion(cpg, trial.drive, float(trial.time[-1]) + LEAD, step)
@@ -284,8 +289,8 @@ def requested_motion(cpg: Cpg | None, trial: Trial, step: float, share: float = 
 
 @cached(0.5e9)
 def _measured_motion(trial: Trial, step: float, share: float) -> JointMotion:
-    staircase = trial.commanded and trial.hold == "zero"
-    held = 0.5 * trial.step if staircase else 0.0  # a staircase is late by half a step, on average
+    # a staircase is late by half a step, on average
+    held = 0.5 * trial.step if trial.commanded and trial.hold == "zero" else 0.0
     return measured.sampled([joint.spline for joint in recorded_joints(trial, share)], trial.time, step, late=held)
 
 
@@ -335,10 +340,8 @@ def _refined(step: float, fish: Fish, asked: JointMotion, values: Mapping[str, f
         return step
     link, outline = fish.links[-1], outlines(fish)[-1]
     c_m, c_d = (max(values[f"{kind}.{link.group}"], 0.0) for kind in ("c_m", "c_d"))
-    inertia = link.inertia + link.mass * link.com**2 + c_m * float(outline.added[2])
-    inertia *= 0.5
-    second_moment = float(outline.height_moment[-1, 2])
-    drag = fish.density * c_d * _RECOIL * _tail_speed(fish.links, asked) * second_moment
+    inertia = 0.5 * (link.inertia + link.mass * link.com**2 + c_m * float(outline.added[2]))
+    drag = fish.density * c_d * _RECOIL * _tail_speed(fish.links, asked) * float(outline.height_moment[-1, 2])
     rate = np.sqrt(1.0 / (fish.tail_compliance * inertia)) + (fish.tail_damping + drag) / inertia
     octaves = 0.5 * np.ceil(2.0 * np.log2(max(max(step, _COARSE) * rate / _STIFFNESS, 1.0)))
     return float(step / 2.0 ** min(octaves, _FINEST))

@@ -31,8 +31,10 @@ def covered(trials: Iterable[Trial], cpg: Cpg | None) -> dict[str, Span]:
 
 def _of_drive(trial: Trial, cpg: Cpg | None) -> dict[str, list[float]]:
     """Return the beats and the amplitude of a run, which are known before it is swum."""
-    swing = np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max()
-    return {"beat": beats(trial), "amplitude": [0.5 * float(swing)]}
+    return {
+        "beat": beats(trial),
+        "amplitude": [0.5 * float(np.ptp(requested_motion(cpg, trial, trial.step).angle, axis=(0, 1)).max())],
+    }
 
 
 def with_origin(fish: Fish, dataset: Dataset, outcome: str, intervals: Mapping[str, Span]) -> Fish:
@@ -44,15 +46,18 @@ def with_origin(fish: Fish, dataset: Dataset, outcome: str, intervals: Mapping[s
         outcome: of the fit, in words.
         intervals: by full name; ends that are not finite are no interval.
     """
-    record = Identified(
-        geometry=fish.geometry,
-        dataset=dataset.name,
-        by=f"mjfish {version('mjfish')}",
-        outcome=outcome,
-        range=covered(dataset.split()[0], fish.cpg),
-        intervals={name: ends for name, ends in intervals.items() if np.isfinite(ends).all()},
+    return fish.model_copy(
+        update={
+            "identified": Identified(
+                geometry=fish.geometry,
+                dataset=dataset.name,
+                by=f"mjfish {version('mjfish')}",
+                outcome=outcome,
+                range=covered(dataset.split()[0], fish.cpg),
+                intervals={name: ends for name, ends in intervals.items() if np.isfinite(ends).all()},
+            )
+        }
     )
-    return fish.model_copy(update={"identified": record})
 
 
 def outside(fish: Fish, trial: Trial) -> str:

@@ -138,8 +138,14 @@ class Posterior:
         """Return parameters (n, p) of the fish in another run."""
         declared = {p.name: p for p in self.model.parameters}
         low, high = bounds([declared[name] for name in self.names])
-        covariance = self.covariance + (1.0 + 1.0 / self.runs) * np.diag(self.scatter**2)
-        return truncated_normal(np.clip(self.mean, low, high), covariance, low, high, n, rng)
+        return truncated_normal(
+            np.clip(self.mean, low, high),
+            self.covariance + (1.0 + 1.0 / self.runs) * np.diag(self.scatter**2),
+            low,
+            high,
+            n,
+            rng,
+        )
 
 
 def truncated_normal(
@@ -220,19 +226,18 @@ def sample(
     """
     if n < 1 or seed < 0:
         raise InputError(f"found {n} draws with seed {seed}, expected 1 or more with a seed of 0 or more; correct it")
-    if isinstance(diagnosis, (str, Path)):
-        posterior = _read(Path(diagnosis), catalogue(effects))
-    elif diagnosis.posterior is None:
+    posterior = _read(diagnosis, catalogue(effects)) if isinstance(diagnosis, str | Path) else diagnosis.posterior
+    if posterior is None:
         raise InputError("the fit diverged and has no posterior; look at its message, and fit again from another start")
-    else:
-        posterior = diagnosis.posterior
-    draws = posterior.draw(n, np.random.default_rng(seed))
-    return tuple(Extended(posterior.model, dict(zip(posterior.names, map(float, x), strict=True))) for x in draws)
+    return tuple(
+        Extended(posterior.model, dict(zip(posterior.names, map(float, x), strict=True)))
+        for x in posterior.draw(n, np.random.default_rng(seed))
+    )
 
 
-def _read(path: Path, effects: Mapping[str, Effect]) -> Posterior:
+def _read(source: str | Path, effects: Mapping[str, Effect]) -> Posterior:
     """Read the posterior in the JSON of a diagnosis or an identification."""
-    path = path / _FILE if path.is_dir() else path
+    path = Path(source) / _FILE if Path(source).is_dir() else Path(source)
     raw = size_limited.read_json(path, _REMEDY)
     saved = raw.get("posterior") if isinstance(raw, dict) else None
     if saved is None:

@@ -93,8 +93,7 @@ class Camera:
         """Return a run at some times (m,) [s]; what is after its end is read there."""
         at = np.minimum(time, motion.time[-1])
         rate = np.zeros((len(at), STATES)) if all(map(self.sees, self.trial.sensors)) else rollout.rate_at(at)
-        length = np.array([link.length for link in fish.links])
-        return Moments(at, rollout.at(at), rate, motion.angle_at(at), length)
+        return Moments(at, rollout.at(at), rate, motion.angle_at(at), np.array([link.length for link in fish.links]))
 
     def clocked(self, sensor: Sensor, time: FloatArray) -> FloatArray:
         """Return when what a sensor has at `time` (m,) was seen [s]; a free clock of its own says so itself."""
@@ -128,8 +127,9 @@ class Camera:
             by = np.zeros((len(heading), 3, 3))
             for axis, h in enumerate((_LENGTH, _LENGTH, _ANGLE)):
                 step = h * np.eye(3)[axis]
-                ends = [self._filmed(seen.time, place + k * step[:2], heading + k * step[2]) for k in (1.0, -1.0)]
-                (there, turned), (back, returned) = ends
+                (there, turned), (back, returned) = [
+                    self._filmed(seen.time, place + k * step[:2], heading + k * step[2]) for k in (1.0, -1.0)
+                ]
                 by[:, :2, axis], by[:, 2, axis] = (there - back) / (2.0 * h), (turned - returned) / (2.0 * h)
             rates = by @ rates
         return rates

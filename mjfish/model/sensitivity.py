@@ -22,8 +22,20 @@ from mjfish.fish import Cpg, Fish
 from mjfish.fish.frames import CHANNELS
 from mjfish.hydro.link import NUMBERS, Same, column, numbers_of
 from mjfish.hydro.load import PARAMETERS
-from mjfish.model import Model, Prepared, headed, numbered, pose_of, requested_motion
-from mjfish.model.model import beginning, driven, joint_motion, servos_of
+from mjfish.model.model import (
+    Model,
+    Prepared,
+    Servos,
+    beginning,
+    built,
+    driven,
+    headed,
+    joint_motion,
+    numbered,
+    pose_of,
+    requested_motion,
+    servos_of,
+)
 from mjfish.model.sensing import Camera, Moments, distinct
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.numerics.sized_cache import sized_cache
@@ -32,8 +44,6 @@ from mjfish.ode.rollout import Conditions, Rollout
 from mjfish.ode.tangents import Direction, simulate_tangents
 from mjfish.parameters import Parameter
 
-#: Effects with their values by short name.
-Active = tuple[tuple[Effect, tuple[tuple[str, float], ...]], ...]
 #: Step of a central difference, in units of the parameter's scale.
 _STEP = 2e-4
 #: Distance from a bound, in the same units, at which a parameter is on it.
@@ -88,15 +98,18 @@ def with_sensors(
         after a divergence.
     """
     run = model.prepare(trial, values, velocity=velocity, offset=offset)
-    acting = {effect.name for effect, _ in run.active}
-    groups = {name.partition(".")[0] for name in names}
-    owners = [owner for owner in model.effects if owner.name in groups]
-    inactive = [owner for owner in owners if owner.name not in acting and owner.load is not None]
-    loaded = [
-        *(effect.name for effect, _ in run.active if effect.load is not None),
-        *(owner.name for owner in inactive),
-    ]
-    at = _At(model, trial, values, velocity, offset, run, loaded)
+    acting = [effect for effect, _ in run.active]
+    groups = {name.partition(".")[0] for name in names} - {effect.name for effect in acting}
+    inactive = [owner for owner in model.effects if owner.name in groups and owner.load is not None]
+    at = _At(
+        model,
+        trial,
+        values,
+        velocity,
+        offset,
+        run,
+        [effect.name for effect in (*acting, *inactive) if effect.load is not None],
+    )
     directions = [_direction(at, name) for name in names]
     late, camera = sensor_offsets or {}, Camera(trial, run.active)
     labels = [sensor.time + late.get(sensor.name, 0.0) for sensor in trial.sensors]
@@ -104,12 +117,11 @@ def with_sensors(
     compared = trial.measured.any() or not trial.sensors
     clocks = [run.time if compared else run.time[:0], *clocks]
     times = np.minimum(np.concatenate(clocks), run.motion.time[-1])
-    conditions = Conditions(
-        run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
-    )
     rollout, every = simulate_tangents(
         run.fish, run.motion, [direction or Direction() for direction, _ in directions], times,
-        conditions=conditions,
+        conditions=Conditions(
+            run.coefficients, run.velocity, pose_of(trial) if pose is None else pose, model.coriolis, run.loads
+        ),
         inactive=[
             (effect.load, [*effect.short_values(values).values(), *effect.constants(trial)])
             for effect in inactive
@@ -237,13 +249,13 @@ class _At:
     loaded: list[str]
 
     @property
-    def servos(self) -> Active:
+    def servos(self) -> Servos:
         """The effects between what the joints are asked for and what they do."""
         return servos_of(self.run.active, self.trial)
 
-    def acting_with(self, owner: Effect, shift: tuple[str, float] | None = None) -> Active:
+    def acting_with(self, owner: Effect | None, shift: tuple[str, float] | None = None) -> Servos:
         """Return the effects that act, and the owner of a parameter even if it does not, with one value replaced."""
-        acting = {effect.name for effect, _ in self.run.active} | {owner.name}
+        acting = {effect.name for effect, _ in self.run.active} | ({owner.name} if owner else set())
         values = self.values if shift is None else {**self.values, shift[0]: shift[1]}
         return tuple((e, tuple(e.short_values(values).items())) for e in self.model.effects if e.name in acting)
 
@@ -270,40 +282,41 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
         due = joint_motion(requested_motion(at.model.fish.cpg, at.trial, at.run.step), at.servos)
         return Direction(motion=along_mode(due, at.trial.walk, int(short), level=at.trial.level_walk)), None
     effect = _owner(at.model, name)
-    if effect is None and name not in at.model.fish.coefficient_names:
-        return _of_number(at, name), None
-    if effect is None:
+    if effect is not None:
+        return _of_effect(at, effect, name)
+    if name in at.model.fish.coefficient_names:
         return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
-    p = effect.declaration(short)
-    links: FloatArray | None = None
-    tail: FloatArray | None = None
-    motion: FloatArray | None = None
-    loads: FloatArray | None = None
-    begun: FloatArray | None = None
-    when: FloatArray | None = None
+    return Direction(**_links(at, _declared(at.model, name), None)), None
+
+
+def _of_effect(at: _At, effect: Effect, name: str) -> tuple[Direction | None, FloatArray | None]:
+    """Return the same of a parameter of an effect."""
+    p = effect.declaration(name.partition(".")[2])
+    moved: dict[str, FloatArray] = {}
 
     def beginning_at(value: float) -> tuple[FloatArray, FloatArray]:
         kept = tuple((each, dict(own)) for each, own in at.acting_with(effect, (name, value)))
         return beginning(kept, at.trial, at.velocity, at.offset)
 
     if effect.overrides("start"):
-        begun = difference(lambda value: beginning_at(value)[1], p, at.values[name])
+        moved["velocity"] = difference(lambda value: beginning_at(value)[1], p, at.values[name])
     if effect.overrides("body"):
-        hooked = tuple(active for active in at.acting_with(effect) if active[0].overrides("body"))
-        rows = _of_body(Same(numbered(at.model.fish, at.values)), hooked, p, at.values[name])
-        links, tail = rows[:, :-TAIL], rows[0, -TAIL:]
+        moved |= _links(at, p, effect)
     if effect.overrides("drive") and effect.moves_joints(at.trial):
         servos = tuple(active for active in at.acting_with(effect) if active[0].moves_joints(at.trial))
-        asked = requested_motion(at.model.fish.cpg, at.trial, at.run.step)
-        motion = _of_drive(asked, servos, p, at.values[name], at.trial.walk, at.trial.level_walk)
+        moved["motion"] = _of_drive(
+            requested_motion(at.model.fish.cpg, at.trial, at.run.step),
+            servos,
+            p,
+            at.values[name],
+            at.trial.walk,
+            at.trial.level_walk,
+        )
     if effect.load is not None:
-        loads = np.zeros((len(at.loaded), PARAMETERS))
-        loads[at.loaded.index(effect.name), [own.short for own in effect.parameters].index(short)] = 1.0
-    if effect.overrides("clock"):
-        when = difference(lambda value: beginning_at(value)[0], p, at.values[name])
-    if all(part is None for part in (links, tail, motion, loads, begun)):
-        return None, when
-    return Direction(links=links, tail=tail, motion=motion, loads=loads, velocity=begun), when
+        moved["loads"] = np.zeros((len(at.loaded), PARAMETERS))
+        moved["loads"][at.loaded.index(effect.name), [own.short for own in effect.parameters].index(p.short)] = 1.0
+    when = difference(lambda value: beginning_at(value)[0], p, at.values[name]) if effect.overrides("clock") else None
+    return Direction(**moved) if moved else None, when
 
 
 @functools.lru_cache(maxsize=64)
@@ -313,50 +326,43 @@ def _of_coefficient(groups: tuple[str, ...], kind: str, group: str) -> Direction
     return Direction(links=rows)
 
 
-def _replaced(hooked: Active, p: Parameter, value: float) -> Active:
+def _replaced(hooked: Servos, p: Parameter, value: float) -> Servos:
     return tuple(
         (effect, tuple((short, value if effect.name == p.group and short == p.short else old) for short, old in own))
         for effect, own in hooked
     )
 
 
+def _links(at: _At, p: Parameter, owner: Effect | None) -> dict[str, FloatArray]:
+    """Return rates of links and tail by a parameter of an effect, or by a free number of the fish."""
+    hooked = tuple(active for active in at.acting_with(owner) if active[0].overrides("body"))
+    numbers = tuple((own.name, at.values.get(own.name, own.default)) for own in at.model.fish.numbers)
+    rows = _of_body(Same(at.model.fish), numbers, hooked, p, at.values.get(p.name, p.default))
+    return {"links": rows[:, :-TAIL], "tail": rows[0, -TAIL:]}
+
+
 @functools.lru_cache(maxsize=256)
-def _of_body(fish: Same[Fish], hooked: Active, p: Parameter, value: float) -> FloatArray:
+def _of_body(
+    fish: Same[Fish], numbers: tuple[tuple[str, float], ...], hooked: Servos, p: Parameter, value: float
+) -> FloatArray:
     """Return rates of the link records, and in TAIL more columns, in every row, of the tail; coefficients stay."""
-    return readonly(difference(lambda at_value: _body(fish.thing, _replaced(hooked, p, at_value)), p, value))
+
+    def rows(at_value: float) -> FloatArray:
+        return _body(numbered(fish.thing, {**dict(numbers), p.name: at_value}), _replaced(hooked, p, at_value))
+
+    return readonly(difference(rows, p, value))
 
 
-def _body(fish: Fish, hooked: Active) -> FloatArray:
+def _body(fish: Fish, hooked: Servos) -> FloatArray:
     """Return the rows of the links through the hooks of effects, with TAIL more columns, in every row, of the tail."""
-    made = fish
-    for effect, own in hooked:
-        made = effect.body(made, dict(own))
+    made = built(fish, tuple((effect, dict(own)) for effect, own in hooked))
     numbers = numbers_of(made, fish.values)
     return np.concatenate([numbers, np.broadcast_to(tail_of(made), (len(numbers), TAIL))], axis=1)
 
 
-def _of_number(at: _At, name: str) -> Direction:
-    """Return the direction of a free number of the fish."""
-    hooked = tuple((e, tuple(own.items())) for e, own in at.run.active if e.overrides("body"))
-    numbers = tuple((p.name, at.values.get(p.name, p.default)) for p in at.model.fish.numbers)
-    rows = _rows_of_number(Same(at.model.fish), hooked, _declared(at.model, name), numbers)
-    return Direction(links=rows[:, :-TAIL], tail=rows[0, -TAIL:])
-
-
-@functools.lru_cache(maxsize=256)
-def _rows_of_number(
-    fish: Same[Fish], hooked: Active, p: Parameter, numbers: tuple[tuple[str, float], ...]
-) -> FloatArray:
-    """Return rates of the link records by a free number; coefficients stay."""
-    values = dict(numbers)
-    return readonly(
-        difference(lambda value: _body(fish.thing.with_numbers({**values, p.name: value}), hooked), p, values[p.name])
-    )
-
-
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
 def _of_drive(
-    asked: JointMotion, servos: Active, p: Parameter, value: float, walk: tuple[float, ...], level: bool
+    asked: JointMotion, servos: Servos, p: Parameter, value: float, walk: tuple[float, ...], level: bool
 ) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints)."""
 
@@ -371,7 +377,7 @@ def _stacked(motion: JointMotion) -> FloatArray:
 
 
 @sized_cache(lambda rates: rates.nbytes, 0.05e9)
-def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Active, short: str, step: float) -> FloatArray:
+def _of_wave(cpg: Same[Cpg | None], trial: Trial, servos: Servos, short: str, step: float) -> FloatArray:
     """Return rates of angle, rate and acceleration (3, n, 3, joints) by the frequency or the phase of a wave."""
 
     def moves(by: float) -> FloatArray:
@@ -411,11 +417,8 @@ def _seen(at: _At, state: FloatArray, along: FloatArray, name: str, readers: Seq
 
 
 def _declared(model: Model, name: str) -> Parameter:
-    for p in model.parameters:
-        if p.name == name:
-            return p
     scale = 0.005 if name.endswith(("clock.offset", ".clock_offset")) else 0.01
-    return Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale)
+    return next((p for p in model.parameters if p.name == name), Parameter(name, "-", 0.0, -1.0, 1.0, 0.0, scale))
 
 
 def difference(function: Callable[[float], FloatArray], p: Parameter, value: float) -> FloatArray:

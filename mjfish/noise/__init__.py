@@ -15,12 +15,17 @@ All are `Noise`: ``whiten(trial, mask, block)`` for residuals and Jacobians alik
 """
 
 from mjfish.noise.autoregressive import Autoregressive, Noise, estimate
-from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise
 from mjfish.noise.errors_in_variables import ErrorsInVariables
-from mjfish.noise.gauss_markov import GaussMarkov, gauss_markov
-from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample
 from mjfish.noise.selection import NoiseByRate, select
+from mjfish.noise.spectral import (
+    DifferentiationNoise,
+    GaussMarkov,
+    ProcessNoise,
+    differentiation_noise,
+    gauss_markov,
+    process_noise,
+)
 
 __all__ = [
     "Autoregressive",

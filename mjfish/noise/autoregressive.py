@@ -75,8 +75,9 @@ class Noise:
         seen = grid(trial.time, mask)
         filters = self.filters(trial, seen)
         parts = np.split(block.reshape(len(block), 3, -1), len(filters), axis=1)
-        white = [whitened(filter_, seen, part) for filter_, part in zip(filters, parts, strict=True)]
-        return np.concatenate(white, axis=1).reshape(block.shape)
+        return np.concatenate(
+            [whitened(filter_, seen, part) for filter_, part in zip(filters, parts, strict=True)], axis=1
+        ).reshape(block.shape)
 
     def log_determinant(self, trial: Trial, mask: BoolArray) -> float:
         """Return the log determinant of the noise's covariance on the counted samples of a trial."""
@@ -144,8 +145,14 @@ def _filter(phi: bytes, sigma: float, seen: bytes) -> Gains:
     drive = np.zeros_like(transition)
     drive[0, 0] = sigma**2
     start = linalg.solve_discrete_lyapunov(transition, drive)
-    there = np.frombuffer(seen, dtype=np.bool_)
-    return gains(transition[None], drive[None], np.eye(1, len(rates)), np.zeros(1), readonly(start), there)
+    return gains(
+        transition[None],
+        drive[None],
+        np.eye(1, len(rates)),
+        np.zeros(1),
+        readonly(start),
+        np.frombuffer(seen, dtype=np.bool_),
+    )
 
 
 def floor(trials: Sequence[Trial]) -> FloatArray:

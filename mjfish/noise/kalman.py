@@ -141,7 +141,7 @@ def advance(
                     across[0, i] = 0.0
                 for e in range(value.shape[0]):
                     if reading.row[e] == c:
-                        _add(across, 0, covariance, reading.column[e], value[e])
+                        add_row(across, 0, covariance, reading.column[e], value[e])
                 total = white[c]
                 for e in range(value.shape[0]):
                     if reading.row[e] == c:
@@ -153,7 +153,7 @@ def advance(
                     across[0, i] *= scale[t, c]
                     gain[t, i, c] = across[0, i]
                 for i in range(d):
-                    _add(covariance, i, across, 0, -across[0, i])
+                    add_row(covariance, i, across, 0, -across[0, i])
         _carry(transition, t, drive[min(t, drive.shape[0] - 1)], covariance, ahead, turned)
 
 
@@ -193,7 +193,7 @@ def _product(a: Sparse, value: FloatArray, b: FloatArray, out: FloatArray) -> No
         for k in range(out.shape[1]):
             out[i, k] = 0.0
     for e in range(value.shape[0]):
-        _add(out, a.row[e], b, a.column[e], value[e])
+        add_row(out, a.row[e], b, a.column[e], value[e])
 
 
 def whitened(filter_: Gains, seen: BoolArray, columns: FloatArray) -> FloatArray:
@@ -236,16 +236,16 @@ def _whiten(
                     out[row, c, k] = columns[row, c, k] * scale[t, c]
                 for e in range(value.shape[0]):
                     if reading.row[e] == c:
-                        _add(out[row], c, state, reading.column[e], -value[e] * scale[t, c])
+                        add_row(out[row], c, state, reading.column[e], -value[e] * scale[t, c])
                 for i in range(d):
-                    _add(state, i, out[row], c, gain[t, i, c])
+                    add_row(state, i, out[row], c, gain[t, i, c])
             row += 1
         _product(transition, transition.value[min(t, transition.value.shape[0] - 1)], state, ahead)
         state, ahead = ahead, state
 
 
 @merged
-def _add(target: FloatArray, row: int, source: FloatArray, other: int, weight: float) -> None:
+def add_row(target: FloatArray, row: int, source: FloatArray, other: int, weight: float) -> None:
     """Add a row of `source` times a weight to one of `target`."""
     for k in range(source.shape[1]):
         target[row, k] += weight * source[other, k]

@@ -3,7 +3,6 @@
 Estimating the noise from the residual of a nominal model would count what is wrong with the model as noise. The
 residual of the saturated model, which has every candidate in it, does not, to first order.
 
-[Whittle1953] P. Whittle, The analysis of multiple stationary time series, J. R. Statist. Soc. B 15.
 [Patterson1971] H. Patterson and R. Thompson, Biometrika 58.
 """
 
@@ -88,28 +87,40 @@ class NoiseSample:
         """Return columns (n, 3, k) divided by `scale` as (3 n, k)."""
         return np.asarray((block / self.scale[:, None]).reshape(3 * len(block), block.shape[2]))
 
+    def _by_channel(self, columns: FloatArray) -> FloatArray:
+        """Return columns (3 n, k) that are divided by `scale` as (n, 3, k) in physical units."""
+        return np.asarray(columns.reshape(len(columns) // 3, 3, columns.shape[1]) * self.scale[:, None])
+
     def of_trials(self, index: Sequence[int]) -> NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
         residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
         masks, trials = [self.masks[i] for i in index], tuple(self.trials[i] for i in index)
-        shapes = self.shapes and [self.shapes[i] for i in index]
-        return NoiseSample(trials, masks, residuals, self.scale, span, apart, self.lost * count / total, shapes)
+        return NoiseSample(
+            trials,
+            masks,
+            residuals,
+            self.scale,
+            span,
+            apart,
+            self.lost * count / total,
+            self.shapes and [self.shapes[i] for i in index],
+        )
 
     def without(self, columns: BlockAngular) -> NoiseSample:
         """Return what is left when further columns (3 n, k), divided by `scale`, are taken out."""
         before, rows = self.columns, self.rows
         basis = span(before.beside(columns) if before.shape[1] else columns)
         del columns  # as large as the basis
-        scaled = np.concatenate([(block / self.scale).ravel() for block in self.residuals])
-        left = basis.off(scaled)
-        taken, apart = [], []
-        for _, own, shared in map(basis.at, rows):
-            taken.append(shared.reshape(len(shared) // 3, 3, shared.shape[1]) * self.scale[:, None])
-            apart.append(own.reshape(len(own) // 3, 3, own.shape[1]) * self.scale[:, None])
-        residuals = [left[mine].reshape(-1, 3) * self.scale for mine in rows]
-        lost = self.lost + (basis.rank - before.shape[1]) / 3.0
-        return replace(self, residuals=residuals, span=taken, apart=apart, lost=lost)
+        left = basis.off(np.concatenate([(block / self.scale).ravel() for block in self.residuals]))
+        pairs = [(self._by_channel(shared), self._by_channel(own)) for _, own, shared in map(basis.at, rows)]
+        return replace(
+            self,
+            residuals=[left[mine].reshape(-1, 3) * self.scale for mine in rows],
+            span=[shared for shared, _ in pairs],
+            apart=[own for _, own in pairs],
+            lost=self.lost + (basis.rank - before.shape[1]) / 3.0,
+        )
 
     def without_levels(self) -> NoiseSample:
         """Return what is left when the mean of every channel of every trial is taken out."""
@@ -127,8 +138,7 @@ class NoiseSample:
 
     def without_trial_shapes(self) -> NoiseSample:
         """Return a sample whose likelihood is that of what the `shapes` leave, each trial having sizes of its own."""
-        flat = (self._flat(shape()) for shape in self.shapes or [])
-        own = [orthonormal(block).reshape(len(block) // 3, 3, -1) * self.scale[:, None] for block in flat]
+        own = [self._by_channel(orthonormal(self._flat(shape()))) for shape in self.shapes or []]
         pairs = zip(self.apart, own, strict=True)
         return replace(self, apart=[np.concatenate(pair, axis=2) for pair in pairs]) if own else self
 
@@ -190,8 +200,7 @@ def spectrum(left: NoiseSample) -> Spectrum:
     series = zip(left.residuals, left.trials, left.masks, strict=True)
     pairs = [_periodogram(block, grid(trial.time, mask), step) for block, trial, mask in series]
     frequency, power = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
-    edges = np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)
-    band = np.digitize(frequency, edges) - 1
+    band = np.digitize(frequency, np.geomspace(frequency.min() * 0.99, frequency.max() * 1.01, _BANDS + 1)) - 1
     used = np.unique(band)
     return Spectrum(
         np.array([frequency[band == b].mean() for b in used]),

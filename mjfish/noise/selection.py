@@ -15,11 +15,18 @@ from scipy.signal import lfilter, unit_impulse
 
 from mjfish.data import Trial
 from mjfish.noise.autoregressive import Autoregressive, Noise, floor
-from mjfish.noise.differentiation import DifferentiationNoise, differentiation_noise, sharpened
-from mjfish.noise.gauss_markov import GaussMarkov, gauss_markov, longest
 from mjfish.noise.kalman import Gains
-from mjfish.noise.process import ProcessNoise, process_noise
 from mjfish.noise.sample import NoiseSample, remaining_power
+from mjfish.noise.spectral import (
+    DifferentiationNoise,
+    GaussMarkov,
+    ProcessNoise,
+    differentiation_noise,
+    gauss_markov,
+    longest,
+    process_noise,
+    sharpened,
+)
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 
@@ -37,8 +44,9 @@ class NoiseByRate(Noise):
     @staticmethod
     def of(models: Mapping[float, Noise]) -> NoiseByRate:
         """Return the noise of these models by step."""
-        sigma = np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))
-        return NoiseByRate(readonly(sigma), models=dict(models))
+        return NoiseByRate(
+            readonly(np.sqrt(np.mean([model.sigma**2 for model in models.values()], axis=0))), models=dict(models)
+        )
 
     def filters(self, trial: Trial, seen: BoolArray) -> list[Gains]:
         """Return the Kalman filters of the model of the trial's step, or of the nearest step there is."""
@@ -66,7 +74,7 @@ _LIKELIER = 10.0
 #: Log-likelihood by which noise that explains a pattern of the runs must beat the noise of the rest, for it to be none.
 _PATTERN = 20.0
 
-#: Gives the state Jacobians A (n, 3, 3) of the trials by name, see `mjfish.noise.process`; asked for only if needed.
+#: Gives the state Jacobians A (n, 3, 3) of the trials by name, see `mjfish.noise.spectral`; asked for only if needed.
 Jacobians = Callable[[], Mapping[str, FloatArray]]
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mjfish.data.tables import write_rows
 from mjfish.effects import catalogue
 from mjfish.errors import InputError
-from mjfish.estimation.tables import write_rows
 from mjfish.files.writing import write_text
 from mjfish.study.cases import Case
 from mjfish.study.store import Store

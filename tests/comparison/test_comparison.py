@@ -13,7 +13,7 @@ from measured_and_simulated import SIGMA, clean, constant, measured, write, writ
 from mjfish.comparison import Comparison, compare
 from mjfish.data import Dataset
 from mjfish.errors import InputError
-from mjfish.estimation.agreement import Agreement
+from mjfish.estimation.residual import Agreement
 from mjfish.files.writing import write_json
 from mjfish.fish.frames import CHANNELS
 

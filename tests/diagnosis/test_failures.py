@@ -28,12 +28,11 @@ from mjfish.diagnosis.verdict import Decision, withheld
 from mjfish.effects import Effect, find
 from mjfish.effects.mechanism import Domain
 from mjfish.errors import InputError
-from mjfish.estimation import Fit, Noise, time_limit
+from mjfish.estimation import Fit, Noise
 from mjfish.estimation import fit as _fit_function
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.estimation.problem import Problem
-from mjfish.estimation.time_limit import PastLimitError
-from mjfish.execution import executing
+from mjfish.execution import PastLimitError, executing, limited, tasks
 from mjfish.execution.checkpoint import Checkpoint
 from mjfish.fish import load_fish
 from mjfish.model import Model
@@ -211,7 +210,7 @@ def test_a_candidate_that_takes_longer_than_it_may_is_a_failure(monkeypatch: pyt
         now[0] += 3600.0 if _of(self, "velocity_scale") else 0.0
         return honest(self, x)
 
-    monkeypatch.setattr(time_limit, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(tasks, "time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr(Problem, "residual", residual)
     result = _diagnosed(hidden=True, limit=4000.0)
     _assert_told(result, "velocity_scale", "it took longer than the limit of 4000 s")
@@ -263,7 +262,7 @@ def test_what_is_the_fault_of_no_candidate_is_blamed_on_none() -> None:
 
 
 def _gathered_late(problem: Problem, found: Fit, candidates: list[Effect]) -> str:
-    with time_limit.limited(-1.0):
+    with limited(-1.0):
         gather(problem, found, candidates)
     return "evidence"
 

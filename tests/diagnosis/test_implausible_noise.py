@@ -18,7 +18,7 @@ from mjfish.estimation import Noise
 from mjfish.fish import Fish
 from mjfish.inspection import Repeats
 from mjfish.noise.autoregressive import Autoregressive
-from mjfish.noise.differentiation import DifferentiationNoise
+from mjfish.noise.spectral import DifferentiationNoise
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 

@@ -17,7 +17,7 @@ from mjfish.diagnosis.refit import off_null
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit
 from mjfish.effects import find
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.smoothness import smoothed
+from mjfish.estimation.marginal_likelihood import smoothed
 from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray

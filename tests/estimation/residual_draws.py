@@ -27,8 +27,8 @@ def at(posed: Problem, x: FloatArray) -> Fit:
     spread = covariance(jacobian, free)
     whitened = posed.residual(x)
     return Fit(
-        posed.parameters, x, float(whitened @ whitened), lambda: whitened, lambda: Linearised(jacobian, spread),
-        np.sqrt(np.diag(spread)), free, "converged", "", 1,
+        x, np.zeros(0), free, "converged", "", 1, np.nan, posed.parameters, float(whitened @ whitened),
+        lambda: whitened, lambda: Linearised(jacobian, spread), np.sqrt(np.diag(spread)),
     )  # fmt: skip
 
 

@@ -12,8 +12,7 @@ from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
 from mjfish.data import Trial
 from mjfish.drive.modes import drive
-from mjfish.estimation.agreement import Agreement, agreement, noise_at, parts_of_trial
-from mjfish.estimation.residual import Residual, fitted, held_out
+from mjfish.estimation.residual import Agreement, Residual, agreement, fitted, held_out, noise_at, parts_of_trial
 from mjfish.files.plain_data import plain
 from mjfish.files.writing import write_json
 from mjfish.fish import Fish

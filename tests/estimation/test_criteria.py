@@ -12,7 +12,7 @@ from synthetic_swimming import SIGMA, TRUTH, problem, swimming
 from mjfish.data import Dataset, Trial
 from mjfish.effects import find
 from mjfish.estimation import Noise, fit
-from mjfish.estimation.agreement import Criteria, criteria, final_prediction_error, of_whitened
+from mjfish.estimation.residual import Criteria, criteria, final_prediction_error, of_whitened
 from mjfish.fish import Fish
 from mjfish.noise import Autoregressive
 from mjfish.numerics.arrays import FloatArray, readonly

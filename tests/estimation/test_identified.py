@@ -20,13 +20,12 @@ from synthetic_swimming import problem, swimming
 
 import mjfish
 from mjfish.data import Dataset
+from mjfish.data.tables import write_rows
 from mjfish.errors import InputError
 from mjfish.estimation import Fit, fit
-from mjfish.estimation.agreement import agreement
 from mjfish.estimation.identification import Identification
-from mjfish.estimation.intervals import intervals
-from mjfish.estimation.residual import fitted
-from mjfish.estimation.tables import coefficient_rows, write_rows
+from mjfish.estimation.intervals import coefficient_rows, intervals
+from mjfish.estimation.residual import agreement, fitted
 from mjfish.files.plain_data import plain
 from mjfish.fish import Fish, fish_toml, load_fish
 from mjfish.model.origin import covered

@@ -13,9 +13,8 @@ from synthetic_swimming import SIGMA, TRUTH, as_measured, problem, swimming
 
 from mjfish.data import Dataset
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.estimation import fit, optimiser_interface
-from mjfish.estimation.nominal import first_sigma
-from mjfish.estimation.optimiser_interface import residual_function
+from mjfish.estimation import fit
+from mjfish.estimation.nominal import first_sigma, residual_function
 from mjfish.fish import Fish
 
 
@@ -37,7 +36,7 @@ def test_scipy_alone_finds_the_optimum_of_fit(synthetic: Dataset) -> None:
 
 
 def test_the_example_runs_as_it_stands(synthetic: Dataset, capsys: pytest.CaptureFixture[str]) -> None:
-    lines = (optimiser_interface.__doc__ or "").split("\n\n", 1)[1]
+    lines = (residual_function.__doc__ or "").split("Example:\n", 1)[1]
     exec(textwrap.dedent(lines), {"dataset": synthetic, "residual_function": residual_function})  # noqa: S102
     assert "'c_m.head': " in capsys.readouterr().out
 

@@ -9,7 +9,7 @@ import pytest
 from linear_problem import Linear, linear, names
 
 from mjfish.estimation import fit
-from mjfish.estimation.smoothness import effective_degrees_of_freedom, learned_sds, smoothed
+from mjfish.estimation.marginal_likelihood import effective_degrees_of_freedom, learned_sds, smoothed
 from mjfish.numerics.arrays import FloatArray
 from mjfish.parameters.prior import Prior, about, smooth_curve
 

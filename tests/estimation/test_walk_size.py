@@ -10,7 +10,7 @@ import pytest
 import mjfish
 from mjfish.data import Dataset
 from mjfish.estimation import Fit, Noise, Problem, fit
-from mjfish.estimation.clock_wander import CLEAR, log_likelihood_gained, of_every_run, walk_size, with_size
+from mjfish.estimation.marginal_likelihood import CLEAR, log_likelihood_gained, of_every_run, walk_size, with_size
 from mjfish.estimation.noise_of_fit import noise_of, walk_of
 from mjfish.estimation.nominal import nominal_problem
 from mjfish.model.sensitivity import sensitivities

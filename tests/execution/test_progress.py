@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from mjfish.estimation.time_limit import check_time
-from mjfish.execution import executing, mapped
+from mjfish.execution import check_time, executing, mapped
 from mjfish.execution.progress import Meter
 
 

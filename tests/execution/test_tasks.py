@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mjfish.estimation.time_limit import PastLimitError, check_time, limited
-from mjfish.execution import Execution, executing, execution, mapped
+from mjfish.execution import Execution, PastLimitError, check_time, executing, execution, limited, mapped
 from mjfish.execution.checkpoint import Checkpoint
 
 

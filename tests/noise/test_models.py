@@ -30,8 +30,8 @@ from mjfish.noise import (
     gauss_markov,
     process_noise,
 )
-from mjfish.noise.differentiation import sharpened
 from mjfish.noise.sample import remaining_power
+from mjfish.noise.spectral import sharpened
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from mjfish.numerics.sized_cache import always
 from mjfish.simulation.synthetic import generate

@@ -17,7 +17,7 @@ from mjfish.comparison import Comparison, TrialComparison
 from mjfish.data import Dataset
 from mjfish.design import Option, Pair, Plan, Question
 from mjfish.errors import InputError
-from mjfish.estimation.agreement import Agreement
+from mjfish.estimation.residual import Agreement
 from mjfish.fish.frames import CHANNELS
 from mjfish.inspection import Inspection
 from mjfish.simulation import CrossCheck, Level

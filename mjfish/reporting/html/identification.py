@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.estimation.agreement import agreement
 from mjfish.estimation.intervals import Profile
-from mjfish.estimation.residual import Residual
+from mjfish.estimation.residual import Residual, agreement
 from mjfish.estimation.residual_tests import ALL, ResidualTests
 from mjfish.files.writing import make_folder
 from mjfish.fish.frames import CHANNELS

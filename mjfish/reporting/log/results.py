@@ -62,7 +62,7 @@ def _(result: Diagnosis, path: Path) -> None:
 
 @write_log.register
 def _(result: Identification, path: Path) -> None:
-    if result.assessment is None or result.problem is None:
+    if result.assessment is None:
         raise InputError(f"{path}: the fit {result.fit.status} and has no swimming to log; {result.fit.message}")
     model, runs = result.problem.model, []
     values = model.values({**result.problem.fixed, **result.fit.values})
