@@ -37,6 +37,7 @@ _PACKAGE = Path(__file__).parents[1]
 _COMPILED = (
     *(f"{folder}/**/*.py" for folder in ("drive", "hydro", "ode", "mujoco", "effects", "noise")),
     "diagnosis/description.py",
+    "estimation/sensor_noise.py",
     "fish/outline.py",
 )
 

@@ -50,6 +50,14 @@ def test_the_cache_folder_changes_with_any_compiled_source_and_with_nothing_else
 
 
 @pytest.mark.slow
+def test_every_file_with_compiled_functions_is_a_source_of_the_cache() -> None:
+    package = Path(compiling.__file__).parents[1]
+    sources = {file for pattern in compiling._COMPILED for file in package.glob(pattern)}
+    using = {file for file in package.rglob("*.py") if "from mjfish.numerics.compiled import" in file.read_text()}
+    assert using <= sources
+    assert len(using) > 20
+
+
 def test_a_copy_of_the_package_elsewhere_finds_the_machine_code(tmp_path: Path) -> None:
     """A fresh clone has new dates and a new place; the code is the same."""
     source = Path(compiling.__file__).parents[1]
