@@ -119,7 +119,7 @@ def new(
     from mjfish.data import save
     from mjfish.data.importers.headers import units as unit_names
     from mjfish.data.importers.tables import import_mapped
-    from mjfish.data.sheet import DATES
+    from mjfish.data.tables import DATES
     from mjfish.files.writing import check_new_folder
     from mjfish.fish import load_fish
 

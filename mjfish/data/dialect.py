@@ -1,6 +1,6 @@
 """How a text file holds a table: its encoding, separator, decimal mark, and the lines above the numbers.
 
-What a laboratory does not state is recognised by the first lines. The cells themselves are read by `mjfish.data.sheet`.
+What a laboratory does not state is recognised by the first lines. The cells are read by `mjfish.data.tables`.
 """
 
 from __future__ import annotations

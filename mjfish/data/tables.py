@@ -1,25 +1,203 @@
-"""Tables of numbers with units in the headers, as CSV or Parquet.
+"""Tables of numbers: text files of any dialect, and CSV or Parquet files of this package, with units in the headers.
 
-In a CSV the header is line 1, row 1 is line 2, and no line may be left empty.
+In a CSV of this package the header is line 1, row 1 is line 2, and no line may be left empty.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import contextlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute
+import pyarrow.csv
 import pyarrow.parquet
 
 from mjfish.data import columns
-from mjfish.data.cells import check_finite, check_size, row_name
-from mjfish.data.dialect import Dialect
-from mjfish.data.sheet import read_sheet
-from mjfish.errors import InputError, located
+from mjfish.data.cells import LARGEST, check_finite, check_size, row_name
+from mjfish.data.columns import short
+from mjfish.data.dialect import DECIMAL, REMEDY, SEPARATOR, SKIP, Dialect, Layout, recognise
+from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files import size_limited
 from mjfish.files.writing import check_suffix, whole
 from mjfish.numerics.arrays import FloatArray, readonly
+
+#: Beginning of the remark on such times.
+DATES = "times are dates"
+#: Later times are counted from 1970, as computers do, and not from the start of a run or of a computer [s].
+_EPOCH = 1e8
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The table of a text file.
+
+    Attributes:
+        path: of the file.
+        layout: how it is laid out.
+        cells: as text; only so can a message show what stood in the file.
+        numbered: whether no line of the file names the columns, so that messages need their numbers.
+    """
+
+    path: Path
+    layout: Layout
+    cells: pa.Table
+    numbered: bool
+
+    def numbers(self, name: str, *, missing: bool = False) -> FloatArray:
+        """Return the numbers of a column (n,), by its header, or by its header without the unit in brackets.
+
+        Args:
+            name: of the column.
+            missing: whether cells may be empty or NaN; they are NaN then.
+
+        Raises:
+            UnknownNameError: no such column.
+            InputError: several of that name, or a cell that is empty or no finite number.
+        """
+        index = self._index(name)
+        values = self._numbers(index, missing=missing)
+        check_finite(values, self.path, self._label(index), self.layout.first_line, missing=missing)
+        return values
+
+    def seconds(self, name: str, unit: float) -> tuple[FloatArray, str]:
+        """Return the times of a column (n,) [s], and a remark where they were dates: these count from the first row.
+
+        Args:
+            name: of the column.
+            unit: of numbers in it [s]; dates such as 2024-05-01T12:00:00.02 have none.
+
+        Raises:
+            UnknownNameError: no such column.
+            InputError: several of that name, or a cell that is empty or no time.
+        """
+        index = self._index(name)
+        cells = pa.compute.utf8_trim_whitespace(self.cells.column(index))
+        if ":" in cells[0].as_py():
+            time, begin = self._dates(index, cells)
+        else:
+            raw = self._numbers(index)
+            begin = float(unit * raw[0])
+            time = unit * (raw - raw[0]) if _EPOCH < begin < LARGEST else unit * raw
+        check_finite(time, self.path, self._label(index), self.layout.first_line)
+        if begin <= _EPOCH:
+            return readonly(time), ""
+        return readonly(time), f"{DATES}: they count from the first row, {np.datetime64(round(1e3 * begin), 'ms')} UTC"
+
+    def _dates(self, index: int, cells: Any) -> tuple[FloatArray, float]:
+        """Return dates (n,) from the first on, and the first since 1970 [s]."""
+        kind = pa.timestamp("ns", "UTC" if set("Z+-") & set(cells[0].as_py()[-6:]) else None)
+        cells = pa.compute.replace_substring(cells, ",", ".")
+        try:
+            since = cells.cast(kind).cast(pa.int64()).to_numpy()
+        except pa.ArrowInvalid:
+            row = next(row for row, cell in enumerate(cells) if not _is_date(cell, kind))
+            raise InputError(
+                f"{row_name(self.path, row, self.layout.first_line)}, {self._label(index)}: '{cells[row]}' is no date, "
+                "expected such as 2024-05-01T12:00:00.02, with a time zone where the first row has one; correct it or "
+                "remove the row"
+            ) from None
+        return 1e-9 * (since - since[0]), 1e-9 * float(since[0])
+
+    def _index(self, name: str) -> int:
+        headers = self.layout.headers
+        found = [index for index, header in enumerate(headers) if header == name]
+        found = found or [index for index, header in enumerate(headers) if header.partition(" [")[0] == name]
+        if not found:
+            remedy = f"or correct it in the mapping file; give {SKIP} if the headers are in another line"
+            raise UnknownNameError(f"column in {self.path}", name, headers, remedy)
+        if len(found) > 1:
+            raise InputError(f"{self.path}: {len(found)} columns '{short(name)}', expected one; rename the others")
+        return found[0]
+
+    def _label(self, index: int) -> str:
+        name, bare = self.layout.headers[index], self.layout.first_line == 1
+        numbered = f"column {index + 1} ({name}){' (read as a file without header)' if bare else ''}"
+        return numbered if self.numbered else f"column '{name}'"
+
+    def _numbers(self, index: int, *, missing: bool = False) -> FloatArray:
+        """Convert a column of text; look for the cell at fault only where the fast way fails."""
+        cells = self.cells.column(index)
+        plain = pa.compute.replace_substring(cells, "−", "-")
+        if self.layout.decimal == ",":
+            # A point is no decimal mark then: no number has a #.
+            plain = pa.compute.replace_substring(pa.compute.replace_substring(plain, ".", "#"), ",", ".")
+        try:
+            return readonly(plain.cast(pa.float64()).to_numpy())
+        except pa.ArrowInvalid:
+            rows = enumerate(zip(cells.to_pylist(), plain.to_pylist(), strict=True))
+            return readonly([self._number(index, row, *pair, missing=missing) for row, pair in rows])
+
+    def _number(self, index: int, row: int, cell: str, plain: str, *, missing: bool) -> float:
+        if missing and not cell.strip():
+            return np.nan
+        try:
+            return float(plain if "_" not in cell else "")
+        except ValueError:
+            where = f"{row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
+        found = "the cell is empty, expected a number; fill it in or remove the row"
+        if cell.strip():
+            example = "-0,25" if self.layout.decimal == "," else "-0.25"
+            found = f"'{short(cell)}' is not a number such as {example}; correct it or remove the row"
+        raise InputError(f"{where}: {found}{f', or give {DECIMAL}' if {',', '.'} & set(cell) else ''}")
+
+
+def _is_date(cell: Any, kind: Any) -> bool:
+    with contextlib.suppress(pa.ArrowInvalid):
+        cell.cast(kind)
+        return True
+    return False
+
+
+def read_sheet(path: Path, dialect: Dialect | None = None, *, names: Sequence[str] | None = None) -> Sheet:
+    """Read the table of a text file.
+
+    Args:
+        path: the file.
+        dialect: what is stated of it; the rest is recognised.
+        names: of all columns, where no line of the file names them.
+
+    Raises:
+        InputError: no such file, no text, no table, no rows, or rows of unequal length.
+    """
+    layout = recognise(path, dialect or Dialect(), names)
+    lines = layout.text.count("\n") + 1
+    if lines < layout.first_line:
+        raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
+    check_size(lines * len(layout.headers), path)
+    ragged: list[Any] = []
+
+    def note(row: Any) -> str:
+        ragged.append(row)
+        return "error"
+
+    keys = [str(index) for index in range(len(layout.headers))]
+    try:
+        cells = pa.csv.read_csv(
+            pa.BufferReader(layout.text.encode("utf-8")),
+            read_options=pa.csv.ReadOptions(use_threads=False, column_names=keys, skip_rows=layout.first_line - 1),
+            parse_options=pa.csv.ParseOptions(
+                delimiter=layout.separator, ignore_empty_lines=False, invalid_row_handler=note
+            ),
+            convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(keys, pa.string())),
+        )
+    except pa.ArrowInvalid as error:
+        if not ragged:
+            raise InputError(f"{path}: cannot be read: {error}; {REMEDY}") from None
+        row, headers = ragged[0], layout.headers
+        more = row.actual_columns > row.expected_columns
+        remedy = f", or give {SEPARATOR}; decimal commas need another separator, or quotes" if more else ""
+        raise InputError(
+            f"{row_name(path, row.number - layout.first_line, layout.first_line)}: {row.actual_columns} cells, "
+            f"expected {row.expected_columns} ({headers[0]} to {headers[-1]}); found '{short(row.text)}'; complete or "
+            f"remove the row{remedy}"
+        ) from None
+    return Sheet(path, layout, cells, names is not None)
+
 
 SUFFIXES = (".csv", ".parquet")
 

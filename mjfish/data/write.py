@@ -14,8 +14,7 @@ from mjfish import fish as fishes
 from mjfish.data import columns, dataset_toml, error_modes
 from mjfish.data.cells import check_finite
 from mjfish.data.dataset_toml import Bounds, DatasetTable
-from mjfish.data.read import build_trial
-from mjfish.data.read_sensor import build_sensor
+from mjfish.data.read import build_sensor, build_trial
 from mjfish.data.sensor import Sensor
 from mjfish.data.tables import write_table
 from mjfish.data.trial import Dataset, Trial

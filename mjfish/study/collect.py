@@ -12,9 +12,8 @@ from mjfish.effects import catalogue
 from mjfish.errors import InputError
 from mjfish.estimation.tables import write_rows
 from mjfish.files.writing import write_text
-from mjfish.study.cases import Case
-from mjfish.study.store import Store
-from mjfish.study.study_toml import Generated
+from mjfish.study.cases import Case, Generated
+from mjfish.study.pieces import Store
 
 #: Files of a collection.
 TABLE, SUMMARY = "study.csv", "summary.txt"

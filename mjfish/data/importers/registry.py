@@ -9,9 +9,8 @@ from typing import Protocol, cast
 
 from mjfish.data import Dataset
 from mjfish.data.importers.bags import import_mcap
-from mjfish.data.importers.deeplabcut import import_deeplabcut
 from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
-from mjfish.data.importers.markers import import_fishsim, import_markers
+from mjfish.data.importers.markers import import_deeplabcut, import_fishsim, import_markers
 from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import import_tables
 from mjfish.data.importers.unknown import check_once, check_text, describe

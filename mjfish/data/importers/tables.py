@@ -40,7 +40,7 @@ from mjfish.data.importers.trials import (
     stretch_names,
 )
 from mjfish.data.sensor import FEWEST, Kind, Sensor, cleaned, within
-from mjfish.data.sheet import read_sheet
+from mjfish.data.tables import read_sheet
 from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
