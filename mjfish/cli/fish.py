@@ -42,7 +42,7 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:
     """Write a fish TOML from a few measurements, to be corrected."""
-    from mjfish.fish import fish_toml
+    from mjfish.fish import write_fish
 
     name = name.removesuffix(".toml")
     body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
@@ -50,7 +50,7 @@ def new(
     if path.exists() and not force:
         raise InputError(f"{path}: is there already; give another name, or --force to replace it")
     make_folder(out)
-    fish_toml.write(path, body, _COMMENTS)
+    write_fish(path, body, _COMMENTS)
     console.say(f"wrote {path}", f"next: correct it, then {console.program()} fish show {path}")
 
 
@@ -62,9 +62,9 @@ def write(path: Path, body: Fish, comments: Sequence[str] = (), *, free: bool = 
     """
     check_suffix(path, *SUFFIXES)
     if path.suffix.lower() == ".toml":
-        from mjfish.fish import fish_toml
+        from mjfish.fish import write_fish
 
-        fish_toml.write(path, body, comments)
+        write_fish(path, body, comments)
     else:
         from mjfish.mujoco import Trim, export
 

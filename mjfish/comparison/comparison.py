@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from mjfish.data import Dataset, Role, Trial, columns, read_table
-from mjfish.data.cells import check_increasing
 from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
 from mjfish.estimation.agreement import Agreement, agreement
@@ -88,7 +87,7 @@ def read_rollout(path: Path) -> SimulatedRun:
         )
     if len(table["time"]) < 2:
         raise InputError(f"{path}: has 1 row, expected a run over the time of its trial; simulate longer")
-    check_increasing(table["time"], path)
+    columns.check_increasing(table["time"], path)
     return SimulatedRun(path, table["time"], np.stack([table[name] for name in channels], axis=1), channels)
 
 

@@ -151,7 +151,7 @@ class TrialTable(Table):
     `joints`: whether the columns of joint angles are what the joints did, or what the servos were told.
     `hold`: what a commanded angle does until the next one (`mjfish.data.Trial.hold`).
     `from_rest`: whether the fish is known to be at rest in the water at the first sample.
-    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
+    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.trial`.
     """
 
     name: Annotated[str, AfterValidator(_safe)]

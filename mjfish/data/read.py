@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.data import columns, dataset_toml, error_modes, validation
+from mjfish.data import columns, dataset_toml, validation
 from mjfish.data.dataset_toml import DatasetTable, Law, Noise, SensorTable, TrialTable
 from mjfish.data.sensor import CHANNELS_OF, ON_HEAD, PLACED, Sensor, cleaned, within
 from mjfish.data.tables import SUFFIXES, read_sheet, read_table
-from mjfish.data.trial import Dataset, Tank, Trial
+from mjfish.data.trial import Dataset, Tank, Trial, errors_from_columns
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located, system_refusals
@@ -78,7 +78,7 @@ def load_dataset(path: str | Path) -> Dataset:
             )
         trial = build_trial(entry, numbers, fish, source, key, tank, sensors)
         if modes is not None:
-            trial = replace(trial, errors=error_modes.from_columns(modes, trial, file.parent / str(entry.errors)))
+            trial = replace(trial, errors=errors_from_columns(modes, trial, file.parent / str(entry.errors)))
         trials.append(trial)
     return Dataset(
         name=table.name,

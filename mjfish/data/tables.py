@@ -18,8 +18,6 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from mjfish.data import columns
-from mjfish.data.cells import LARGEST, check_finite, check_size, row_name
-from mjfish.data.columns import short
 from mjfish.data.dialect import DECIMAL, REMEDY, SEPARATOR, SKIP, Dialect, Layout, recognise
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files import size_limited
@@ -61,7 +59,7 @@ class Sheet:
         """
         index = self._index(name)
         values = self._numbers(index, missing=missing)
-        check_finite(values, self.path, self._label(index), self.layout.first_line, missing=missing)
+        columns.check_finite(values, self.path, self._label(index), self.layout.first_line, missing=missing)
         return values
 
     def seconds(self, name: str, unit: float) -> tuple[FloatArray, str]:
@@ -82,8 +80,8 @@ class Sheet:
         else:
             raw = self._numbers(index)
             begin = float(unit * raw[0])
-            time = unit * (raw - raw[0]) if _EPOCH < begin < LARGEST else unit * raw
-        check_finite(time, self.path, self._label(index), self.layout.first_line)
+            time = unit * (raw - raw[0]) if _EPOCH < begin < columns.LARGEST else unit * raw
+        columns.check_finite(time, self.path, self._label(index), self.layout.first_line)
         if begin <= _EPOCH:
             return readonly(time), ""
         return readonly(time), f"{DATES}: they count from the first row, {np.datetime64(round(1e3 * begin), 'ms')} UTC"
@@ -97,9 +95,9 @@ class Sheet:
         except pa.ArrowInvalid:
             row = next(row for row, cell in enumerate(cells) if not _is_date(cell, kind))
             raise InputError(
-                f"{row_name(self.path, row, self.layout.first_line)}, {self._label(index)}: '{cells[row]}' is no date, "
-                "expected such as 2024-05-01T12:00:00.02, with a time zone where the first row has one; correct it or "
-                "remove the row"
+                f"{columns.row_name(self.path, row, self.layout.first_line)}, {self._label(index)}: "
+                f"'{cells[row]}' is no date, expected such as 2024-05-01T12:00:00.02, with a time zone where the first "
+                "row has one; correct it or remove the row"
             ) from None
         return 1e-9 * (since - since[0]), 1e-9 * float(since[0])
 
@@ -111,7 +109,9 @@ class Sheet:
             remedy = f"or correct it in the mapping file; give {SKIP} if the headers are in another line"
             raise UnknownNameError(f"column in {self.path}", name, headers, remedy)
         if len(found) > 1:
-            raise InputError(f"{self.path}: {len(found)} columns '{short(name)}', expected one; rename the others")
+            raise InputError(
+                f"{self.path}: {len(found)} columns '{columns.short(name)}', expected one; rename the others"
+            )
         return found[0]
 
     def _label(self, index: int) -> str:
@@ -138,11 +138,11 @@ class Sheet:
         try:
             return float(plain if "_" not in cell else "")
         except ValueError:
-            where = f"{row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
+            where = f"{columns.row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
         found = "the cell is empty, expected a number; fill it in or remove the row"
         if cell.strip():
             example = "-0,25" if self.layout.decimal == "," else "-0.25"
-            found = f"'{short(cell)}' is not a number such as {example}; correct it or remove the row"
+            found = f"'{columns.short(cell)}' is not a number such as {example}; correct it or remove the row"
         raise InputError(f"{where}: {found}{f', or give {DECIMAL}' if {',', '.'} & set(cell) else ''}")
 
 
@@ -168,7 +168,7 @@ def read_sheet(path: Path, dialect: Dialect | None = None, *, names: Sequence[st
     lines = layout.text.count("\n") + 1
     if lines < layout.first_line:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
-    check_size(lines * len(layout.headers), path)
+    columns.check_size(lines * len(layout.headers), path)
     ragged: list[Any] = []
 
     def note(row: Any) -> str:
@@ -192,9 +192,9 @@ def read_sheet(path: Path, dialect: Dialect | None = None, *, names: Sequence[st
         more = row.actual_columns > row.expected_columns
         remedy = f", or give {SEPARATOR}; decimal commas need another separator, or quotes" if more else ""
         raise InputError(
-            f"{row_name(path, row.number - layout.first_line, layout.first_line)}: {row.actual_columns} cells, "
-            f"expected {row.expected_columns} ({headers[0]} to {headers[-1]}); found '{short(row.text)}'; complete or "
-            f"remove the row{remedy}"
+            f"{columns.row_name(path, row.number - layout.first_line, layout.first_line)}: {row.actual_columns} cells, "
+            f"expected {row.expected_columns} ({headers[0]} to {headers[-1]}); found '{columns.short(row.text)}'; "
+            f"complete or remove the row{remedy}"
         ) from None
     return Sheet(path, layout, cells, names is not None)
 
@@ -244,7 +244,7 @@ def write_table(path: str | Path, table: Mapping[str, FloatArray]) -> None:
     shapes = {header: np.shape(values) for header, values in table.items()}
     if len(set(shapes.values())) != 1 or len(next(iter(shapes.values()))) != 1:
         raise InputError(f"{path}: columns of shapes {shapes}, expected one-dimensional columns of one length")
-    check_size(sum(map(np.size, table.values())), path)
+    columns.check_size(sum(map(np.size, table.values())), path)
     arrays = {header: np.asarray(values, dtype=np.float64) for header, values in table.items()}
     with whole(path) as file, located(str(path)):
         if path.suffix.lower() == ".csv":
@@ -283,7 +283,7 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
                 raise InputError(
                     f"{path}: column '{columns.header(name)}' has type {kind}, expected float64; convert it"
                 )
-        check_size(file.metadata.num_rows * len(names), path)
+        columns.check_size(file.metadata.num_rows * len(names), path)
         table = file.read(use_threads=False)
     if not table.num_rows:
         raise InputError(f"{path}: has a header and no rows; expected a row for every sample")
@@ -291,8 +291,8 @@ def _read_parquet(path: Path, missing: Collection[str]) -> dict[str, FloatArray]
     for name, cells in zip(names, table.columns, strict=True):
         label = f"column '{columns.header(name)}'"
         if cells.null_count and name not in missing:
-            row = row_name(path, int(np.argmax(cells.is_null().to_numpy())))
+            row = columns.row_name(path, int(np.argmax(cells.is_null().to_numpy())))
             raise InputError(f"{row}, {label}: the cell is empty, expected a number; fill it in or remove the row")
         result[name] = readonly(cells.cast(pa.float64()).to_numpy())
-        check_finite(result[name], path, label, missing=name in missing)
+        columns.check_finite(result[name], path, label, missing=name in missing)
     return result

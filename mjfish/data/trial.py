@@ -1,4 +1,12 @@
-"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to."""
+"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to.
+
+What is known of the errors of a smoothed record are modes that are independent of each other:
+
+    (velocity, joint angles)(t) = truth + sum_m a_m e_m(t),   a_m ~ N(0, 1)
+
+The modes e_m are a root of the errors' covariance, cov = sum_m e_m e_m'. A table of them has the columns ``mode [-]``,
+counted from 1, ``time [s]`` as in the trial, the three velocities and the joints; the rows of a mode follow each other.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +14,27 @@ import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mjfish.data import columns
 from mjfish.data.filters import Filter
 from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.measured import smoothing_spline
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.errors.arguments import check
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import reporting
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.fish.frames import CHANNELS
 from mjfish.fish.parameter_priors import ParameterPrior
-from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -89,7 +100,7 @@ class Trial:
         wave: the wave that drives the joints, or None.
         tank: its walls, or None where they are not known.
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
-            times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
+            times an independent standard normal number (`mjfish.data.trial`); None: not known.
         sensors: what else was measured, each on its own clock.
         walk: sizes of the modes of the walk of the drive's clock [s^0.5] (`mjfish.drive.walk`); none: it does not walk.
 
@@ -298,3 +309,96 @@ class Dataset:
             raise InputError(f"{self.name}: no trial to fit, expected one or more; add one, or hold out fewer")
         pairs = list(zip(self.trials, held, strict=True))
         return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)
+
+
+#: Said where such velocities are shown.
+SMOOTHED = "measured velocities are those of the smoothed path: for looking, nothing was fitted to them"
+
+
+@lru_cache(maxsize=256)
+def for_looking(trial: Trial) -> Trial:
+    """Return a trial with the velocities and poses of its smoothed path, where it has none but places and headings.
+
+    A trial with velocities, or without a place and a heading of the head, is returned as it is.
+    """
+    seen = {sensor.kind: sensor for sensor in trial.sensors if sensor.link == 0}
+    if trial.measured.any() or not {"position", "heading"} <= seen.keys():
+        return trial
+    x, y = (_smoothed(seen["position"], axis, trial.time) for axis in (0, 1))
+    yaw = _smoothed(seen["heading"], 0, trial.time)
+    ahead = seen["position"].station * np.stack([np.cos(yaw[0]), np.sin(yaw[0])], axis=1)
+    swung = yaw[1][:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    place, rate = np.stack([x[0], y[0]], axis=1) + ahead, np.stack([x[1], y[1]], axis=1) + swung
+    velocity = np.column_stack([frames.to_body(rate, yaw[0]), yaw[1]])
+    return replace(trial, velocity=readonly(velocity), pose=readonly(np.column_stack([place, yaw[0]])))
+
+
+def _smoothed(sensor: Sensor, column: int, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return one channel of a sensor and its rate (n,) at some times; at those outside of its own, that at its end."""
+    spline = smoothing_spline(sensor.time, sensor.values[:, column])
+    at = np.clip(time, sensor.time[0], sensor.time[-1])
+    return np.asarray(spline(at)), np.asarray(spline(at, nu=1))
+
+
+#: Share of the variance of the errors that modes may leave out.
+_LEFT_OUT = 1e-3
+
+
+def principal_modes(root: FloatArray) -> FloatArray:
+    """Return the principal modes (modes, n, series) of errors, without those that hold a thousandth of the variance.
+
+    Args:
+        root: (series, n, k), whose square root root' is the covariance; every series counts by its own mean variance.
+    """
+    series, samples, _ = root.shape
+    scale = np.sqrt(np.square(root).sum(axis=2).mean(axis=1))[:, None, None]
+    flat = (root / np.maximum(scale, 1e-300)).reshape(series * samples, -1)
+    vectors, values, _ = np.linalg.svd(flat, full_matrices=False)
+    share = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-300)
+    kept = int(np.searchsorted(share, 1.0 - _LEFT_OUT)) + 1
+    modes = (vectors[:, :kept] * values[:kept]).reshape(series, samples, -1) * scale
+    return np.asarray(modes.transpose(2, 1, 0))
+
+
+def errors_to_columns(trial: Trial) -> dict[str, FloatArray]:
+    """Return the modes of a trial as columns by name.
+
+    Raises:
+        InputError: they do not have its samples, velocities and joints.
+    """
+    modes = np.asarray(trial.errors)
+    expected = (len(trial.time), len(_error_columns(trial)) - 2)
+    if modes.shape[1:] != expected:
+        raise InputError(
+            f"trial '{trial.name}': errors have the last axes {modes.shape[1:]}, expected {expected}: a row for every "
+            "time, the three velocities and the joints; correct them"
+        )
+    number = np.repeat(np.arange(1.0, len(modes) + 1.0), len(trial.time))
+    rows = [number, np.tile(trial.time, len(modes)), *modes.reshape(-1, expected[1]).T]
+    return dict(zip(_error_columns(trial), rows, strict=True))
+
+
+def errors_from_columns(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) -> FloatArray:
+    """Return the modes (modes, n, 3 + joints) of a table: surge, sway [m/s], yaw rate [rad/s], joints [rad].
+
+    Raises:
+        InputError: rows or columns are not those of the trial.
+    """
+    names = _error_columns(trial)
+    if list(numbers) != names:
+        found, expected = (", ".join(map(columns.header, which)) for which in (numbers, names))
+        raise InputError(f"{source}: columns {found}, expected {expected}; write them so")
+    count, rest = divmod(len(numbers["mode"]), len(trial.time))
+    there = np.stack([numbers["mode"], numbers["time"]], axis=1)
+    wanted = np.stack([np.repeat(np.arange(1.0, count + 1.0), len(trial.time)), np.tile(trial.time, count)], axis=1)
+    if rest or not np.array_equal(there, wanted):
+        raise InputError(
+            f"{source}: expected the modes 1, 2, ... one after another, each with the {len(trial.time)} times of "
+            f"trial '{trial.name}'; write them so, or remove 'errors' from its entry"
+        )
+    return readonly(np.stack([numbers[name] for name in names[2:]], axis=1).reshape(count, len(trial.time), -1))
+
+
+def _error_columns(trial: Trial) -> list[str]:
+    joints = 0 if trial.joint_angle is None else trial.joint_angle.shape[1]
+    return ["mode", "time", *CHANNELS, *(columns.joint(i + 1) for i in range(joints))]

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.data import columns
-from mjfish.data.cells import check_increasing, row_name
 from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
@@ -96,17 +95,17 @@ def check_times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
     """
     if len(time) < 2:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
-    check_increasing(time, path)
+    columns.check_increasing(time, path)
     steps = np.diff(time)
     median = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * median)
     if wide.size and not gaps:
         index = int(wide[0]) + 1
         raise InputError(
-            f"{row_name(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
-            f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
-            f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
-            f"entry ({wide.size} gaps in the file)"
+            f"{columns.row_name(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} "
+            f"({time[index - 1]:.9g} s) to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} "
+            f"s; cut the recording there into two trials, fill in the missing rows, or, where a CPG drives the fish, "
+            f"say gaps = true in its entry ({wide.size} gaps in the file)"
         )
 
 
@@ -123,8 +122,8 @@ def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
         index, joint = int(far[0, 0]), int(far[0, 1])
         header = columns.header(columns.joint(joint + 1))
         raise InputError(
-            f"{row_name(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a turn, "
-            "expected radians; if these are degrees, multiply by pi/180"
+            f"{columns.row_name(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a "
+            "turn, expected radians; if these are degrees, multiply by pi/180"
         )
     if len(time) < _FEWEST:
         raise InputError(
@@ -140,7 +139,7 @@ def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
     wide = np.flatnonzero(np.diff(time) > limit)
     if wide.size:
         raise InputError(
-            f"{row_name(path, int(wide[0]) + 1)}: no joint angles from {time[wide[0]]:.6g} to "
+            f"{columns.row_name(path, int(wide[0]) + 1)}: no joint angles from {time[wide[0]]:.6g} to "
             f"{time[wide[0] + 1]:.6g} s, expected gaps of {limit:.3g} s at most, a quarter of a beat; cut the run "
             f"there into two trials ({wide.size} gaps are like this)"
         )
@@ -226,8 +225,8 @@ def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
 def _check_start(time: FloatArray, what: str, path: Path) -> None:
     if time[0] < 0.0:
         raise InputError(
-            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for {what} starts at "
-            "0 s; remove the rows before, or shift the times"
+            f"{columns.row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for {what} starts "
+            "at 0 s; remove the rows before, or shift the times"
         )
 
 
@@ -247,7 +246,7 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
         first = int(outside[0])
         x, y = pose[first, :2]
         raise InputError(
-            f"{row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{columns.row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
             f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
 

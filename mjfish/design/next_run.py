@@ -18,7 +18,7 @@ from mjfish.drive import cpg as hopf
 from mjfish.errors import InputError
 from mjfish.files import tomlfile
 from mjfish.files.writing import new_folder
-from mjfish.fish import Cpg, fish_toml, load_fish
+from mjfish.fish import Cpg, fish_text, load_fish
 from mjfish.fish.frames import CHANNELS
 from mjfish.ode.rollout import STEP
 
@@ -60,7 +60,7 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
     with new_folder(folder) as partial:
         if not shipped:
             raw["fish"] = _FISH
-            (partial / _FISH).write_text(fish_toml.text(own_fish), encoding="utf-8")
+            (partial / _FISH).write_text(fish_text(own_fish), encoding="utf-8")
         for name in _files(raw["trials"]):
             (partial / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(dataset.source.parent / name, partial / name)

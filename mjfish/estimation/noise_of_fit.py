@@ -7,7 +7,7 @@ the rollout: its state Jacobian A and its input Jacobian B,
     dv' = A(t) dv + B(t) (dq, dq', dq''),  h = v_m - dv    errors in variables (`mjfish.noise.errors_in_variables`)
 
 with (v_m, dq) a mode of the errors of velocities and joint angles that came out of one smoother
-(`mjfish.data.error_modes`). Where the record does not come with its errors, v_m = 0, and every joint has white errors
+(`mjfish.data.trial`). Where the record does not come with its errors, v_m = 0, and every joint has white errors
 of the size that its smoothing left over, smoothed as the angles were (`mjfish.drive.measured.smoothing`).
 """
 

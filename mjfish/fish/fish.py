@@ -1,12 +1,16 @@
-"""The fish: links, masses, outline, hydrodynamic coefficients. Read from TOML; `fishes` has shipped ones."""
+"""The fish: links, masses, outline, hydrodynamic coefficients.
+
+Read from TOML and written to it, as the same fish to the last bit; `fishes` has shipped ones.
+"""
 
 from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,10 +25,9 @@ from pydantic import (
 )
 
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.files import tomlfile
+from mjfish.files import tomlfile, writing
 from mjfish.files.checksummed_json import digest
 from mjfish.files.tomlfile import Table, complaining
-from mjfish.files.writing import exists
 from mjfish.fish import parameter_priors
 from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
@@ -479,8 +482,54 @@ def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fis
     """Load a fish that effects may extend like `load_fish`; return the table ``effects`` too, as it stands."""
     known = shipped()
     path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
-    if path.suffix.lower() != ".toml" and not exists(path):
+    if path.suffix.lower() != ".toml" and not writing.exists(path):
         raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
-    if not (exists(path) and path.is_file()):
+    if not (writing.exists(path) and path.is_file()):
         raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
     return _read(path.resolve(), path.stat().st_mtime_ns)
+
+
+def fish_text(
+    fish: Fish, comments: Sequence[str] = (), effects: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+) -> str:
+    """Return the fish as TOML.
+
+    Args:
+        fish: the fish.
+        comments: lines at the top, such as where the numbers come from.
+        effects: that extend it, by name, their parameters by short name (`mjfish.model.extended` reads them back).
+
+    Raises:
+        InputError: the fish breaks its own schema, so that it could not be read back.
+    """
+    table = fish.model_dump(by_alias=True)
+    if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
+        raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
+    lines = [
+        f"# {line}".rstrip()
+        for comment in comments  # TOML forbids control characters in them
+        for line in "".join(c if c.isprintable() or c == "\n" else " " for c in comment).splitlines()
+    ]
+    return "\n".join([*lines, tomlfile.text({**table, "effects": effects} if effects else table)])
+
+
+def write_fish(
+    path: str | Path,
+    fish: Fish,
+    comments: Sequence[str] = (),
+    effects: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> None:
+    """Write the fish to the TOML file `path`, whole or not at all.
+
+    Args:
+        path: with the suffix ``.toml``, by which `mjfish.fish.load_fish` knows a file from a name.
+        fish: the fish.
+        comments: lines at the top.
+        effects: that extend it, as in `fish_text`.
+
+    Raises:
+        InputError: another suffix, the file cannot be written, or the fish could not be read back.
+    """
+    path = Path(path)
+    writing.check_suffix(path, ".toml")
+    writing.write_text(path, fish_text(fish, comments, effects))

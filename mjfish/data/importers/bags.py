@@ -29,10 +29,10 @@ from mcap_ros2.decoder import DecoderFactory
 from scipy.interpolate import Akima1DInterpolator
 
 from mjfish.data import Dataset
-from mjfish.data.cells import LARGEST
+from mjfish.data.columns import LARGEST
 from mjfish.data.importers.mapping import MAPS, PosesMap, VelocitiesMap
-from mjfish.data.importers.report import ImportReport
 from mjfish.data.importers.tables import Columns, import_tables
+from mjfish.data.importers.trials import ImportReport
 from mjfish.data.importers.unknown import bag_example, describe, is_bag
 from mjfish.data.validation import GAP
 from mjfish.errors import InputError, UnknownNameError

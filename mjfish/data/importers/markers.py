@@ -3,9 +3,9 @@
 Markers of a mapping are put on the links of a fish (`placed`), a track of them is smoothed (`fit_track`), exchanged
 markers are put back, and markers that are not where they belong are left out.
 
-Three lines head the file of DeepLabCut [Mathis2018] of one animal: ``scorer``, ``bodyparts``, ``coords``. Every body part
-has the columns x, y [pixels] and likelihood; the first column numbers the frames. A marker of the mapping has the name
-of its body part.
+Three lines head the file of DeepLabCut [Mathis2018] of one animal: ``scorer``, ``bodyparts``, ``coords``. Every body
+part has the columns x, y [pixels] and likelihood; the first column numbers the frames. A marker of the mapping has the
+name of its body part.
 
 [Mathis2018] A. Mathis and others, DeepLabCut: markerless pose estimation of user-defined body parts with deep learning,
 Nature Neuroscience 21.
@@ -25,9 +25,8 @@ from mjfish.data import Dataset
 from mjfish.data.dialect import recognise
 from mjfish.data.importers.chain import Chain, Marked
 from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
-from mjfish.data.importers.report import Cut, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
-from mjfish.data.importers.trials import Run, assembled, record, stretch_names, with_noise
+from mjfish.data.importers.trials import Cut, ImportReport, Run, assembled, record, stretch_names, with_noise
 from mjfish.data.tables import read_sheet
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish

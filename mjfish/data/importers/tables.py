@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.cells import check_increasing
+from mjfish.data.columns import check_increasing
 from mjfish.data.importers.headers import KEYS
 from mjfish.data.importers.mapping import (
     ANGLES,
@@ -28,11 +28,13 @@ from mjfish.data.importers.mapping import (
     read_mapping,
     wave_drive,
 )
-from mjfish.data.importers.report import Cut, FileReport, ImportReport
 from mjfish.data.importers.smoothing import FASTEST, SLOWEST, beat_frequency
 from mjfish.data.importers.trials import (
     BEATS,
     SECONDS,
+    Cut,
+    FileReport,
+    ImportReport,
     Run,
     assembled,
     longest,
