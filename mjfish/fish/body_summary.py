@@ -10,7 +10,6 @@ import numpy as np
 
 from mjfish.fish import Fish
 from mjfish.fish.outline import outlines, section_at
-from mjfish.numerics.arrays import FloatArray
 
 #: Mass over that of the displaced water below and above which a fish, or a link, is odd.
 _FISH, _LINK = (0.8, 1.25), (0.15, 6.0)
@@ -147,10 +146,5 @@ def _drawing(fish: Fish, columns: int) -> Iterator[str]:
     joints = {int(s / width) for s in itertools.accumulate(link.length for link in fish.links[:-1])}
     rows = int(np.ceil(0.5 * float(height.max()) / (2.0 * width) - 0.5))
     for row in range(-rows, rows + 1):
-        yield "".join(_letter(height, column, row * 2.0 * width, joints, width) for column in range(columns)).rstrip()
-
-
-def _letter(height: FloatArray, column: int, place: float, joints: set[int], width: float) -> str:
-    """Return the letter at a column and a place above the axis [m]."""
-    inside = abs(place) <= max(0.5 * float(height[column]), width)
-    return ("|" if column in joints else "#") if inside else " "
+        inside = abs(row * 2.0 * width) <= np.maximum(0.5 * height, width)
+        yield "".join(" #|"[shown * (1 + (at in joints))] for at, shown in enumerate(inside)).rstrip()

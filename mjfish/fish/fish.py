@@ -341,30 +341,35 @@ class Fish(Table):
         """The groups of links that share coefficients, nose first."""
         return tuple(dict.fromkeys(link.group for link in self.links))
 
+    @property
+    def _coefficients(self) -> dict[str, Coefficient]:
+        return {
+            f"{kind}.{group}": getattr(self.coefficients, kind).root[group] for kind in KINDS for group in self.groups
+        }
+
     @functools.cached_property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
-        return tuple(f"{kind}.{group}" for kind in KINDS for group in self.groups)
+        return tuple(self._coefficients)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients as declared parameters, in the order of `coefficient_names`."""
-        return tuple(self._parameter(name) for name in self.coefficient_names)
-
-    def _parameter(self, name: str) -> Parameter:
-        entry = self._coefficient(name)
         try:
-            return Parameter(
-                name=name,
-                unit="-",
-                default=entry.value,
-                low=entry.low,
-                high=entry.high,
-                start=entry.start,
-                scale=max(0.1 * entry.start, 1e-3 * (entry.high - entry.low)),
-                about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
-                sd=entry.sd,
-                mean=entry.mean,
+            return tuple(
+                Parameter(
+                    name=name,
+                    unit="-",
+                    default=own.value,
+                    low=own.low,
+                    high=own.high,
+                    start=own.start,
+                    scale=max(0.1 * own.start, 1e-3 * (own.high - own.low)),
+                    about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
+                    sd=own.sd,
+                    mean=own.mean,
+                )
+                for name, own in self._coefficients.items()
             )
         except ParameterError as error:
             raise ValueError(f"coefficients.{error}") from None
@@ -405,15 +410,10 @@ class Fish(Table):
         changed = {"links": tuple(links), "sections": tuple(sections), "known": tuple(known), **own}
         return self.model_copy(update=changed)
 
-    def _coefficient(self, name: str) -> Coefficient:
-        kind, _, group = name.partition(".")
-        entry: Coefficient = getattr(self.coefficients, kind).root[group]
-        return entry
-
     @property
     def values(self) -> dict[str, float]:
         """The coefficients by name."""
-        return {name: self._coefficient(name).value for name in self.coefficient_names}
+        return {name: own.value for name, own in self._coefficients.items()}
 
     def with_coefficients(self, parameters: Mapping[str, Parameter]) -> Fish:
         """Return the fish with other declarations (value, start, bounds) for the named coefficients."""

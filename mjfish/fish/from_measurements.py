@@ -118,16 +118,17 @@ def _sections(length: float, height: float, width: float) -> tuple[Section, ...]
     start, before = 0.0, (0.0, 0.0)
     for share, high, wide in _OUTLINE:
         end, here = round(share * length, 6), (round(high * height, 6), round(wide * width, 6))
-        found.append(_section(start, end, (before[0], here[0]), (before[1], here[1])))
+        found.append((start, end, (before[0], here[0]), (before[1], here[1])))
         start, before = end, here
     fin = round(_THICKNESS * width, 6)
-    found.append(_section(start, length, (before[0], round(_FIN * height, 6)), (fin, fin)))
-    return tuple(found)
-
-
-def _section(start: float, end: float, height: tuple[float, float], width: tuple[float, float]) -> Section:
-    profile = "linear" if start else "elliptic"  # a blunt nose
-    return Section.model_validate({"from": start, "to": end, "profile": profile, "height": height, "width": width})
+    found.append((start, length, (before[0], round(_FIN * height, 6)), (fin, fin)))
+    return tuple(
+        # The nose is blunt.
+        Section.model_validate({
+            "from": start, "to": end, "profile": "linear" if start else "elliptic", "height": high, "width": wide,
+        })
+        for start, end, high, wide in found
+    )  # fmt: skip
 
 
 def _links(names: Sequence[str], ends: Sequence[float], sections: tuple[Section, ...], mass: float) -> tuple[Link, ...]:
