@@ -147,4 +147,4 @@ def _drawing(fish: Fish, columns: int) -> Iterator[str]:
     rows = int(np.ceil(0.5 * float(height.max()) / (2.0 * width) - 0.5))
     for row in range(-rows, rows + 1):
         inside = abs(row * 2.0 * width) <= np.maximum(0.5 * height, width)
-        yield "".join(" #|"[shown * (1 + (at in joints))] for at, shown in enumerate(inside)).rstrip()
+        yield "".join(("|" if at in joints else "#") if shown else " " for at, shown in enumerate(inside)).rstrip()

@@ -114,20 +114,17 @@ def _check(length: float, mass: float, joints: int, height: float, width: float)
 
 
 def _sections(length: float, height: float, width: float) -> tuple[Section, ...]:
-    found = []
-    start, before = 0.0, (0.0, 0.0)
-    for share, high, wide in _OUTLINE:
-        end, here = round(share * length, 6), (round(high * height, 6), round(wide * width, 6))
-        found.append((start, end, (before[0], here[0]), (before[1], here[1])))
-        start, before = end, here
+    """Return the pieces of the outline, of which the first is a blunt nose and the last the fin."""
+    shares = ((0.0, 0.0, 0.0), *_OUTLINE)
+    corners = [(round(s * length, 6), round(high * height, 6), round(wide * width, 6)) for s, high, wide in shares]
+    pieces = [(a[0], b[0], (a[1], b[1]), (a[2], b[2])) for a, b in itertools.pairwise(corners)]
     fin = round(_THICKNESS * width, 6)
-    found.append((start, length, (before[0], round(_FIN * height, 6)), (fin, fin)))
+    pieces.append((corners[-1][0], length, (corners[-1][1], round(_FIN * height, 6)), (fin, fin)))
     return tuple(
-        # The nose is blunt.
         Section.model_validate({
             "from": start, "to": end, "profile": "linear" if start else "elliptic", "height": high, "width": wide,
         })
-        for start, end, high, wide in found
+        for start, end, high, wide in pieces
     )  # fmt: skip
 
 
