@@ -58,9 +58,10 @@ class SimulatedRun:
         Of the pike at 100 Hz that leaves 2e-4 of the range at most, and local cubics, such as Akima's, ten times as
         much. Where the drive steps a spline rings for some samples.
         """
-        inside = np.where(self.covers(time), np.clip(time, self.time[0], self.time[-1]), self.time[0])
         found = np.full((len(time), len(CHANNELS)), np.nan)
-        found[:, [CHANNELS.index(name) for name in self.channels]] = self._curves(inside)
+        found[:, [CHANNELS.index(name) for name in self.channels]] = self._curves(
+            np.clip(time, self.time[0], self.time[-1])
+        )
         found[~self.covers(time)] = np.nan
         return found
 
@@ -118,7 +119,15 @@ def assign_rollouts(against: Sequence[Path], trials: Sequence[Trial]) -> tuple[d
             if trial is None:
                 unused.append(file)
                 continue
-            _check_own(file, trial, found.get(trial.name))
+            if trial.name in found:
+                raise InputError(
+                    f"{file}: '{found[trial.name]}' is a rollout of the trial '{trial.name}' already; leave out one of "
+                    "the two"
+                )
+            if trial.source is not None and trial.source.exists() and trial.source.samefile(file):
+                raise InputError(
+                    f"{file}: is the measurement of the trial '{trial.name}'; name the folder of the rollouts"
+                )
             found[trial.name] = file
     if not found:
         listed = (
@@ -148,15 +157,6 @@ def _name(file: Path) -> str:
 def _expected(trials: Sequence[Trial]) -> str:
     listed = ", ".join(f"{trial.name}.csv" for trial in trials[:5]) + (", ..." if len(trials) > 5 else "")
     return f"expected files named as the trials: {listed}, or folders so named with a {_ANONYMOUS}.csv"
-
-
-def _check_own(file: Path, trial: Trial, other: Path | None) -> None:
-    if other is not None:
-        raise InputError(
-            f"{file}: '{other}' is a rollout of the trial '{trial.name}' already; leave out one of the two"
-        )
-    if trial.source is not None and trial.source.exists() and trial.source.samefile(file):
-        raise InputError(f"{file}: is the measurement of the trial '{trial.name}'; name the folder of the rollouts")
 
 
 #: Shifts are looked for up to here [s], but not beyond half a beat: there, the next beat would fit again.
@@ -325,10 +325,8 @@ class Comparison(Result):
             for score in trial.scores:
                 shift = trial.shifts.get(score.channel) if score.part == "whole" else None
                 row = {key: value for key, value in fields_of(score).items() if key != "horizon"}
-                row["shift [s]"] = None if shift is None else shift.time
-                row["rmse_shifted"] = None if shift is None else shift.rmse
-                row["nrmse_shifted"] = None if shift is None else shift.nrmse
-                rows.append(row)
+                shifted = {"shift [s]": "time", "rmse_shifted": "rmse", "nrmse_shifted": "nrmse"}
+                rows.append(row | {name: getattr(shift, of, None) for name, of in shifted.items()})
         return rows
 
 
@@ -419,19 +417,14 @@ def _coarse(trial: Trial, run: SimulatedRun) -> list[str]:
 
 
 def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> dict[str, Shift]:
-    there = [channel for channel in run.channels if trial.measured[CHANNELS.index(channel)]]
-    index = [CHANNELS.index(channel) for channel in there]
-    if not there:
+    groups = {name: [k] for k, name in enumerate(CHANNELS) if name in run.channels and trial.measured[k]}
+    if not groups:
         return {}
     span = np.nanmax(trial.velocity, axis=0) - np.nanmin(trial.velocity, axis=0)
-    found = {}
-    for name, chosen in [*zip(there, ([i] for i in index), strict=True), ("all", index)]:
+    measured = trial.velocity[counted]
 
-        def predict(time: FloatArray, chosen: list[int] = chosen) -> FloatArray:
-            return run.at(time)[:, chosen]
+    def best(own: list[int]) -> Shift | None:
+        return best_shift(lambda at: run.at(at)[:, own], trial.time[counted], measured[:, own], span[own], reach(trial))
 
-        measured = trial.velocity[counted][:, chosen]
-        shift = best_shift(predict, trial.time[counted], measured, span[chosen], reach(trial))
-        if shift is not None:
-            found[name] = shift
-    return found
+    found = {name: best(own) for name, own in {**groups, "all": [k for (k,) in groups.values()]}.items()}
+    return {name: shift for name, shift in found.items() if shift is not None}

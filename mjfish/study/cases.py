@@ -103,13 +103,13 @@ def read_study(path: Path) -> Study:
             raise InputError("seeds: one is given twice; give each once")
         for generated in study.generate:
             with located(f"generate {generated.name}"):
-                acting(generated, fish_of(generated, path.parent))
+                acting(generated, path.parent)
         for folder in study.folder:
             if not exists(path.parent / folder.path / FILE):
                 raise InputError(f"folder {folder.name}: {path.parent / folder.path} holds no {FILE}; correct the path")
         for identify in study.identify:
             with located(f"identify {identify.name}"):
-                Settings(free=identify.free, loss=identify.loss, weights=identify.weights, starts=identify.starts)
+                Settings(**identify.model_dump(exclude={"name"}))
     return study
 
 
@@ -122,13 +122,12 @@ def _check_names(what: str, where: str, entries: Sequence[Named]) -> None:
             raise InputError(f"two {what}s are named '{name}'; rename one")
 
 
-def fish_of(generated: Generated, home: Path) -> Fish:
-    """Return the fish of a generated dataset; a path starts at `home`."""
-    return load_fish(generated.fish, home)
+def acting(generated: Generated, home: Path) -> tuple[Fish, list[Effect], dict[str, float]]:
+    """Return the fish of a generated dataset, the effects that act, and all values that are given, by full name.
 
-
-def acting(generated: Generated, fish: Fish) -> tuple[list[Effect], dict[str, float]]:
-    """Return the effects that act in a generated dataset, and all values that are given, by full name."""
+    The path of a fish starts at `home`.
+    """
+    fish = load_fish(generated.fish, home)
     known = of_fish(catalogue(), fish)
     for name in generated.values:
         if name.partition(".")[0] in known:
@@ -141,7 +140,7 @@ def acting(generated: Generated, fish: Fish) -> tuple[list[Effect], dict[str, fl
             raise InputError(f"effect {name}: has no value; give one of its parameters a value")
         effects.append(effect)
         values.update({effect.declaration(short).name: value for short, value in own.items()})
-    return effects, values
+    return fish, effects, values
 
 
 #: What a piece keeps of an identification and of a diagnosis.
@@ -176,7 +175,9 @@ class Case(Piece):
         dataset = self.dataset
         if isinstance(dataset, Generated):
             own = dataset.model_dump(mode="json", exclude={"name"})
-            made = {"generate": {**own, "fish": fish_of(dataset, self.home).model_dump(mode="json", by_alias=True)}}
+            made = {
+                "generate": {**own, "fish": load_fish(dataset.fish, self.home).model_dump(mode="json", by_alias=True)}
+            }
         else:
             made = {"folder": _contents(self.home / dataset.path)}
         verb = "identify" if isinstance(self.setting, Identify) else "diagnose"
@@ -187,10 +188,7 @@ class Case(Piece):
         """Return what is found, as plain data."""
         dataset = self._load()
         if isinstance(self.setting, Identify):
-            asked = self.setting
-            settings = Settings(
-                free=asked.free, loss=asked.loss, weights=asked.weights, starts=asked.starts, seed=self.seed
-            )
+            settings = Settings(**self.setting.model_dump(exclude={"name"}), seed=self.seed)
             found = identify(dataset, settings, jobs=1).to_dict()
             return {name: found[name] for name in _OF_IDENTIFICATION}
         found = diagnose(dataset, seed=self.seed, jobs=1).to_dict()
@@ -202,15 +200,14 @@ class Case(Piece):
         """Return the values with which a dataset was generated, by full name; none of one that was not."""
         if isinstance(self.dataset, Folder):
             return {}
-        fish = fish_of(self.dataset, self.home)
-        effects, values = acting(self.dataset, fish)
+        fish, effects, values = acting(self.dataset, self.home)
         return Model(fish, tuple(effects)).values(values)
 
     def _load(self) -> Dataset:
         if isinstance(self.dataset, Folder):
             return load_dataset(self.home / self.dataset.path)
-        made, fish = self.dataset, fish_of(self.dataset, self.home)
-        effects, values = acting(made, fish)
+        made = self.dataset
+        fish, effects, values = acting(made, self.home)
         return generate(
             fish,
             made.modes,

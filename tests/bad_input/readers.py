@@ -31,7 +31,6 @@ from mjfish.files.writing import json_text
 from mjfish.model import extended
 from mjfish.study import read_cases
 from mjfish.study.cases import Generated, acting
-from mjfish.study.cases import fish_of as fish_of_study
 
 #: As a user gives it.
 _TAIL_FISH = Path(__file__).parents[2] / "tools" / "importers" / "tail_fish.py"
@@ -415,11 +414,7 @@ def _inputs(folder: Path) -> list[Any]:
     """Return the numbers of the effects that act in each piece of a study, whose hash is made on the way."""
     found = read_cases(folder / "study.toml")
     assert all(case.key for case in found)
-    return [
-        acting(case.dataset, fish_of_study(case.dataset, folder))[1]
-        for case in found
-        if isinstance(case.dataset, Generated)
-    ]
+    return [acting(case.dataset, folder)[2] for case in found if isinstance(case.dataset, Generated)]
 
 
 def _rollout(path: Path) -> dict[str, Any]:
