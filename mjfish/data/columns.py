@@ -28,7 +28,9 @@ UNITS = {
 
 _LONGEST_SHOWN = 40
 _HEADER = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?")
-_JOINT = re.compile(r"joint_([1-9][0-9]{0,3})")
+#: Columns of joint angles begin so; their numbers follow, from 1 at the head.
+JOINT = "joint_"
+_JOINT = re.compile(rf"{JOINT}[1-9][0-9]{{0,3}}")
 #: What to multiply by where a header shows a unit that is not SI.
 _FACTORS = {
     ("deg", "rad"): "pi/180",
@@ -50,13 +52,7 @@ def unit(name: str) -> str | None:
 
 def joint(number: int) -> str:
     """Return the column name of joint `number`, counted from 1 at the head."""
-    return f"joint_{number}"
-
-
-def joint_number(name: str) -> int | None:
-    """Return the joint that the column `name` belongs to, or None."""
-    match = _JOINT.fullmatch(name)
-    return int(match[1]) if match else None
+    return f"{JOINT}{number}"
 
 
 def header(name: str) -> str:

@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from mjfish.data.filters import Filter, GaussianFilter, restored_filter
 from mjfish.data.sensor import Kind
-from mjfish.data.trial import Clock, Hold, Role
+from mjfish.data.trial import Clock, Filter, GaussianFilter, Hold, Role, restored_filter
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.plain_data import fields_of
 from mjfish.files.tomlfile import Table, required

@@ -142,8 +142,7 @@ def build_trial(
     if wave is not None:
         validation.check_wave(time, wave, source, f"{key}.drive")
     if drive:
-        validation.check_segments(drive, fish, f"{key}.drive")
-        validation.check_cpg_time(time, drive, source, f"{key}.drive")
+        validation.check_cpg(time, drive, fish, source, f"{key}.drive")
     if joints is not None:
         validation.check_angles(time, joints, source)
     pose = _pose(numbers, source)
@@ -242,22 +241,23 @@ def _sigmas(noise: Noise | None, trials: Sequence[Trial], file: Path) -> FloatAr
 
 
 def _joints(numbers: Mapping[str, FloatArray], fish: Fish, source: Path) -> FloatArray | None:
-    found = {number: name for name in numbers if (number := columns.joint_number(name)) is not None}
-    if not found:
+    given = [name for name in numbers if name.startswith(columns.JOINT)]
+    expected = [columns.joint(number) for number in range(1, fish.joints + 1)]
+    if not given:
         return None
-    for number in range(1, fish.joints + 1):
-        if number not in found:
+    for name in expected:
+        if name not in given:
             raise InputError(
-                f"{source}: column '{columns.header(columns.joint(number))}' is missing, expected one for each of the "
-                f"{fish.joints} joints of fish '{fish.name}'; add it, or remove all joint columns"
+                f"{source}: column '{columns.header(name)}' is missing, expected one for each of the {fish.joints} "
+                f"joints of fish '{fish.name}'; add it, or remove all joint columns"
             )
-    if len(found) > fish.joints:
-        extra = found[max(found)]
+    if len(given) > fish.joints:
+        last = max(given, key=lambda name: int(name.removeprefix(columns.JOINT)))
         raise InputError(
-            f"{source}: column '{columns.header(extra)}', but fish '{fish.name}' has {fish.joints} joints; remove it, "
+            f"{source}: column '{columns.header(last)}', but fish '{fish.name}' has {fish.joints} joints; remove it, "
             "or name the right fish in dataset.toml"
         )
-    return readonly(np.stack([numbers[columns.joint(number)] for number in range(1, fish.joints + 1)], axis=1))
+    return readonly(np.stack([numbers[name] for name in expected], axis=1))
 
 
 def _pose(numbers: Mapping[str, FloatArray], source: Path) -> FloatArray | None:

@@ -23,7 +23,7 @@ from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mjfish.data import Trial
-from mjfish.data.filters import Differentiator, Filter
+from mjfish.data.trial import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
 from mjfish.estimation.clock_wander import first_size

@@ -13,8 +13,8 @@ import pytest
 
 from mjfish.data import importers, read_table
 from mjfish.data.importers import FileReport
-from mjfish.data.importers.headers import guess, units
 from mjfish.data.importers.mapping import PosesMap
+from mjfish.data.importers.recognition import guess, units
 from mjfish.data.tables import read_sheet
 from mjfish.data.trial import Trial
 from mjfish.errors import MjfishError

@@ -31,9 +31,9 @@ from scipy.interpolate import Akima1DInterpolator
 from mjfish.data import Dataset
 from mjfish.data.columns import LARGEST
 from mjfish.data.importers.mapping import MAPS, PosesMap, VelocitiesMap
+from mjfish.data.importers.recognition import bag_example, describe, is_bag
 from mjfish.data.importers.tables import Columns, import_tables
 from mjfish.data.importers.trials import ImportReport
-from mjfish.data.importers.unknown import bag_example, describe, is_bag
 from mjfish.data.validation import GAP
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import tomlfile

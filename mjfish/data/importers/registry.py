@@ -11,9 +11,9 @@ from mjfish.data import Dataset
 from mjfish.data.importers.bags import import_mcap
 from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
 from mjfish.data.importers.markers import import_deeplabcut, import_fishsim, import_markers
+from mjfish.data.importers.recognition import check_once, check_text, describe
 from mjfish.data.importers.tables import import_tables
 from mjfish.data.importers.trials import ImportReport
-from mjfish.data.importers.unknown import check_once, check_text, describe
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.user_code import user_code
 

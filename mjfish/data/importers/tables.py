@@ -14,7 +14,6 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.data.columns import check_increasing
-from mjfish.data.importers.headers import KEYS
 from mjfish.data.importers.mapping import (
     ANGLES,
     LENGTHS,
@@ -28,6 +27,7 @@ from mjfish.data.importers.mapping import (
     read_mapping,
     wave_drive,
 )
+from mjfish.data.importers.recognition import KEYS
 from mjfish.data.importers.smoothing import FASTEST, SLOWEST, beat_frequency
 from mjfish.data.importers.trials import (
     BEATS,
