@@ -78,7 +78,7 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
 
     body, _ = read(fish)
     found = summarise(body)
-    total = sum(link.mass for link in found.links)
+    total = sum(link.mass for link in body.links)
     console.say(
         f"{body.name}: {body.length:.3g} m, {total:.3g} kg, {body.joints} joint{'s' * (body.joints > 1)}",
         "",
@@ -87,8 +87,8 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
     )
     units = ("length\nm", "mass\nkg", "displaced\nkg", "com\nm", "inertia\nkg m2", "added\nkg", "added\nkg m2")
     table = console.table("", ("link", "group", *units), left=("link", "group"))
-    for link in found.links:
-        numbers = (link.length, link.mass, link.displaced, link.com, link.inertia, link.added, link.added_inertia)
+    for link, own in zip(body.links, found.links, strict=True):
+        numbers = (link.length, link.mass, own.displaced, link.com, link.inertia, own.added, own.added_inertia)
         table.add_row(link.name, link.group, *(f"{number:.3g}" for number in numbers))
     console.show(table)
     console.say("", *(found.odd or ("Nothing is odd about its numbers.",)))

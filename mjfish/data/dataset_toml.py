@@ -14,7 +14,7 @@ from mjfish.data.sensor import Kind
 from mjfish.data.trial import Clock, Filter, GaussianFilter, Hold, Role, restored_filter
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.plain_data import fields_of
-from mjfish.files.tomlfile import Table, required
+from mjfish.files.tomlfile import Table, consistent, required
 from mjfish.fish import KINDS, Fish
 from mjfish.fish.parameter_priors import ParameterPrior
 
@@ -234,11 +234,10 @@ class DifferentiatedTable(Table):
     degree: Annotated[int, Field(ge=1, le=6)] = 2
     turned: bool = False
 
-    @model_validator(mode="after")
-    def _fits(self) -> DifferentiatedTable:
-        if self.window % 2 == 0 or self.window <= self.degree:
-            raise ValueError(f"window = {self.window}: expected an odd number above degree = {self.degree}; correct it")
-        return self
+    _fits = consistent(
+        lambda own: own.window % 2 == 1 and own.window > own.degree,
+        "window = {0.window}: expected an odd number above degree = {0.degree}; correct it",
+    )
 
 
 def filter_of(table: GaussianTable | DifferentiatedTable | None) -> Filter | None:

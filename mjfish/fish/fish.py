@@ -27,7 +27,7 @@ from pydantic import (
 from mjfish.errors import InputError, ParameterError, UnknownNameError
 from mjfish.files import tomlfile, writing
 from mjfish.files.checksummed_json import digest
-from mjfish.files.tomlfile import Table, complaining
+from mjfish.files.tomlfile import Table, complaining, consistent
 from mjfish.fish import parameter_priors
 from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
@@ -75,11 +75,10 @@ class Section(Table):
     height: Ends
     width: Ends
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Section:
-        if self.end <= self.start:
-            raise ValueError(f"a section must end ('to' = {self.end:g}) behind its start ('from' = {self.start:g})")
-        return self
+    _ordered = consistent(
+        lambda own: own.end > own.start,
+        "a section must end ('to' = {0.end:g}) behind its start ('from' = {0.start:g})",
+    )
 
 
 class Link(Table):

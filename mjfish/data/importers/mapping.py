@@ -20,7 +20,7 @@ from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located
 from mjfish.files import tomlfile
-from mjfish.files.tomlfile import Table
+from mjfish.files.tomlfile import Table, consistent
 from mjfish.fish import Fish, load_fish
 from mjfish.numerics.arrays import FloatArray, readonly
 
@@ -52,11 +52,10 @@ class JointColumns(Table):
     are: Literal["measured", "commanded"] = "measured"
     hold: Hold = "linear"
 
-    @model_validator(mode="after")
-    def _held(self) -> JointColumns:
-        if self.hold == "zero" and self.are == "measured":
-            raise ValueError('hold = "zero" of measured angles, expected it of commanded ones; add are = "commanded"')
-        return self
+    _held = consistent(
+        lambda own: own.hold != "zero" or own.are == "commanded",
+        'hold = "zero" of measured angles, expected it of commanded ones; add are = "commanded"',
+    )
 
 
 class MappingTable(Dialect):
@@ -83,14 +82,11 @@ class Driven(MappingTable):
     waves: Annotated[dict[str, WaveTable], Field(default_factory=dict)]
     from_rest: bool = False
 
-    @model_validator(mode="after")
-    def _one_drive(self) -> Driven:
-        if [self.joints is not None, self.wave is not None, bool(self.waves)].count(True) != 1:
-            raise ValueError(
-                "expected one of [joints] (columns of measured angles), [wave] (a joint law) and [waves] (one a file); "
-                "give one"
-            )
-        return self
+    _one_drive = consistent(
+        lambda own: [own.joints is not None, own.wave is not None, bool(own.waves)].count(True) == 1,
+        "expected one of [joints] (columns of measured angles), [wave] (a joint law) and [waves] (one a file); give "
+        "one",
+    )
 
 
 class MarkerEntry(Table):
@@ -115,11 +111,9 @@ class PlaneEntry(Table):
     slip: NotNegative = 0.0
     below: Positive | None = None
 
-    @model_validator(mode="after")
-    def _wobbles(self) -> PlaneEntry:
-        if self.below is not None and self.slip == 0.0:
-            raise ValueError("below, but no slip to read a roll from; give slip")
-        return self
+    _wobbles = consistent(
+        lambda own: own.below is None or own.slip > 0.0, "below, but no slip to read a roll from; give slip"
+    )
 
 
 class MarkersMap(MappingTable):

@@ -123,32 +123,20 @@ _INDEPENDENT = 0.3
 _X, _Y, _YAW = 0, 1, 2
 
 
-@dataclass(frozen=True, eq=False)
-class Velocities:
-    """Velocities at the frames.
+def nose_velocities(fit: Fit) -> tuple[FloatArray, FloatArray, int]:
+    """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad].
 
-    Attributes:
-        value: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose.
-        sigma: (n, 3) of their errors.
-        apart: how many frames apart the errors of all channels are nearly independent.
+    Returns:
+        Surge, sway [m/s], yaw rate [rad/s] of the nose (n, 3), sigma (n, 3) of their errors, and how many frames apart
+        the errors of all channels are nearly independent.
     """
-
-    value: FloatArray
-    sigma: FloatArray
-    apart: int
-
-
-def nose_velocities(fit: Fit) -> Velocities:
-    """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
     yaw, rate, slopes = fit.coordinates()[:, _YAW], fit.coordinates(1), velocity_gradients(fit)
     spreads = [slope @ fit.covariance for slope in slopes]
     correlation = np.column_stack(list(map(_correlation, slopes, spreads)))
     far = np.flatnonzero((correlation < _INDEPENDENT).all(axis=1))
-    return Velocities(
-        value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
-        sigma=np.column_stack(list(map(_sigma, slopes, spreads))),
-        apart=int(far[0]) if far.size else len(correlation),
-    )
+    velocity = np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]])
+    sigma = np.column_stack(list(map(_sigma, slopes, spreads)))
+    return velocity, sigma, int(far[0]) if far.size else len(correlation)
 
 
 def velocity_gradients(fit: Fit) -> list[FloatArray]:
@@ -256,10 +244,10 @@ def record(
     Raises:
         InputError: no stretch is long enough.
     """
-    moved = nose_velocities(fit)
+    velocity, sigma, apart = nose_velocities(fit)
     angles = [fit.gradient(3 + i) for i in range(joints)]
     angle_sigma = np.column_stack([_sigma(slope, slope @ fit.covariance) for slope in angles])
-    keep = well_known(moved.sigma, angle_sigma, seen)
+    keep = well_known(sigma, angle_sigma, seen)
     step = float(np.median(np.diff(fit.basis.time)))
     fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
     kept = [(a, b) for a, b in runs(keep) if b - a >= fewest]
@@ -271,17 +259,14 @@ def record(
             f"{_lost(reasons)}; record longer, track again, or leave this file out"
         )
     # Errors of samples are independent, but joint angles dense enough for a spline.
-    most = 1 if fit.beat is None else int(1.0 / (_SAMPLES * fit.beat * step))
-    every = max(min(moved.apart, most), 1)
+    every = 1 if fit.beat is None else max(min(apart, int(1.0 / (_SAMPLES * fit.beat * step))), 1)
     place = fit.coordinates()
     trials = tuple(
-        _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
+        _trial(label, fit, place, velocity, slice(a, b, every), joints, source, roll)
         for label, (a, b) in zip(stretch_names(name, len(kept)), kept, strict=True)
     )
-    inside = np.zeros(len(seen), dtype=np.bool_)
-    for a, b in kept:
-        inside[a:b] = True
-    surge, sway, yaw_rate = np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)).tolist()
+    inside = np.isin(np.arange(len(seen)), np.concatenate([np.arange(a, b) for a, b in kept]))
+    surge, sway, yaw_rate = np.sqrt(np.square(sigma[inside]).mean(axis=0)).tolist()
     bridged = int((inside & ~seen).sum())
     return trials, FileReport(
         path=source,
@@ -292,7 +277,7 @@ def record(
         beat=fit.beat,
         speed=float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()),
         noise=(surge, sway, yaw_rate),
-        correlation_time=moved.apart * step,
+        correlation_time=apart * step,
         joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())),
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
         notes=(f"{bridged} frames with lost markers bridged",) if bridged else (),
