@@ -17,10 +17,10 @@ from mjfish.errors import InputError
 
 if TYPE_CHECKING:
     from mjfish.data import Dataset
-    from mjfish.data.dialect import Layout
     from mjfish.data.importers import ImportReport
     from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
     from mjfish.data.importers.recognition import Kind
+    from mjfish.data.tables import Layout
 
 #: Where the mapping of the columns stands, for messages.
 _PLACE = Path("mjfish dataset new")
@@ -224,8 +224,8 @@ def _files(answer: str) -> list[Path]:
 
 def _layout(paths: Sequence[Path], dialect: Mapping[str, Any]) -> Layout:
     """Return how the first file is laid out, by what is stated of it."""
-    from mjfish.data.dialect import Dialect, recognise
     from mjfish.data.importers.recognition import check_once, check_text
+    from mjfish.data.tables import Dialect, recognise
     from mjfish.files import tomlfile
 
     if not paths:

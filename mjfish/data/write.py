@@ -59,8 +59,7 @@ def save(
     folder = Path(folder).resolve()
     raw = _raw(dataset, suffix)
     tables = _validated(dataset, raw)
-    printable = ("".join(c if c.isprintable() else " " for c in line) for line in comments)
-    head = "\n".join([MARK, *(f"# {line}" for line in printable)])
+    printable = ("# " + "".join(c if c.isprintable() else " " for c in line) for line in comments)
     stale = _replaceable(folder)
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
@@ -69,7 +68,7 @@ def save(
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
             (partial / _FISH_FILE).write_text(fish_text(dataset.fish), encoding="utf-8")
-        (partial / dataset_toml.FILE).write_text(f"{head}\n{tomlfile.text(raw)}", encoding="utf-8")
+        (partial / dataset_toml.FILE).write_text("\n".join([MARK, *printable, tomlfile.text(raw)]), encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:
         raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None

@@ -392,12 +392,15 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
 
 
 def _remarks(dataset: Dataset, options: Sequence[Option]) -> tuple[str, ...]:
-    remarks = []
-    if dataset.fish.cpg is None:
-        remarks.append("the fish has no CPG: the menu has repeats of its trials only; name a fish with [cpg] for more")
-    if any(option.run is not None and option.run.repeat for option in options):
-        remarks.append("repeats measure the noise; what they do here is in the table")
-    return tuple(remarks)
+    remarks = {
+        "the fish has no CPG: the menu has repeats of its trials only; name a fish with [cpg] for more": (
+            dataset.fish.cpg is None
+        ),
+        "repeats measure the noise; what they do here is in the table": (
+            any(option.run is not None and option.run.repeat for option in options)
+        ),
+    }
+    return tuple(remark for remark, applies in remarks.items() if applies)
 
 
 def _message(question: Question, options: Sequence[Option]) -> str:

@@ -72,7 +72,14 @@ def topics(path: Path) -> dict[str, str]:
     if not is_bag(path):
         raise InputError(f"{path}: {describe(path)}")
     with _readable(path):
-        _check_chunks(path)
+        with path.open("rb") as stream:
+            for record in StreamReader(stream, emit_chunks=True).records:
+                # A bag may be small on disk and too large in memory, whatever it says of its size.
+                if isinstance(record, Chunk) and unpacks_beyond(record, LARGEST_CHUNK):
+                    raise InputError(
+                        f"{path}: a chunk unpacks to more than {LARGEST_CHUNK} bytes; record it with smaller chunks, "
+                        "or 'mcap filter' it"
+                    )
         with path.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
             summary = reader.get_summary()
@@ -150,17 +157,6 @@ def _decoded(path: Path, wanted: list[str]) -> Iterator[tuple[str, int, Any]]:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
             yield channel.topic, message.log_time, decoded
-
-
-def _check_chunks(path: Path) -> None:
-    """Refuse a bag that is small on disk and too large in memory, whatever it says of its size."""
-    with path.open("rb") as stream:
-        for record in StreamReader(stream, emit_chunks=True).records:
-            if isinstance(record, Chunk) and unpacks_beyond(record, LARGEST_CHUNK):
-                raise InputError(
-                    f"{path}: a chunk unpacks to more than {LARGEST_CHUNK} bytes; record it with smaller chunks, or "
-                    "'mcap filter' it"
-                )
 
 
 def unpacks_beyond(chunk: Chunk, most: int) -> bool:

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
-from mjfish.data.dialect import Dialect
 from mjfish.data.read import wave_of
+from mjfish.data.tables import Dialect
 from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located

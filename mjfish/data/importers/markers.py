@@ -22,12 +22,11 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from mjfish.data import Dataset
-from mjfish.data.dialect import recognise
 from mjfish.data.importers.chain import Chain, Marked
 from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
 from mjfish.data.importers.trials import Cut, ImportReport, Run, assembled, record, stretch_names, with_noise
-from mjfish.data.tables import read_sheet
+from mjfish.data.tables import read_sheet, recognise
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 from mjfish.numerics.arrays import BoolArray, FloatArray
@@ -137,7 +136,7 @@ class Track:
 
     Attributes:
         fit: coordinates x, y, yaw, joint angles, slips.
-        astray: (n, markers) where a marker was not where it belongs.
+        astray: (n, markers) where a marker was not where it belongs, one that is not used too.
         dropped: markers that are not used at all.
         exchanged: frames in which markers had to be put back.
     """
@@ -176,7 +175,9 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
                 "leave this file out"
             )
         fit, chain = _fit(measured, dropped, marked, rate, path)
-    return Track(fit, _astray(measured, fit, chain), tuple(dropped), int(found.sum()))
+    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
+    astray = np.asarray(~(off < _OFF * np.maximum(fit.sigma, np.median(fit.sigma))))
+    return Track(fit, astray, tuple(dropped), int(found.sum()))
 
 
 def _fit(measured: FloatArray, dropped: Sequence[int], marked: Marked, rate: float, path: Path) -> tuple[Fit, Chain]:
@@ -221,13 +222,6 @@ def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> in
     }
     worst = max(candidates, key=lambda m: candidates[m])
     return worst if candidates[worst] > 1.0 else None
-
-
-def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
-    """Return where markers (n, markers) are not where they belong, those too that were not used."""
-    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
-    usual = 4.0 * np.maximum(fit.sigma, np.median(fit.sigma))
-    return np.asarray(~(off < usual))
 
 
 #: A second: less cannot hold a beat.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from mjfish.data.dialect import Dialect, recognise
+from mjfish.data.tables import Dialect, recognise
 from mjfish.errors import InputError
 
 #: Columns of the importers of tables, in the order in which a mapping file has them.
@@ -193,7 +193,12 @@ def describe(path: Path) -> str:
         header = recognise(path, Dialect()).headers
     except InputError as error:
         return str(error).removeprefix(f"{path}: ")
-    return f"looks like a CSV file with the columns {', '.join(header)}; {_how(header)}"
+    known = guess(header).columns.keys()
+    kind: Kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
+    return (
+        f"looks like a CSV file with the columns {', '.join(header)}; import it as '{kind}' with --map FILE, a mapping "
+        f"file such as\n{_indented(example(header, kind).splitlines())}\n(units, axes and signs: docs)"
+    )
 
 
 def check_text(path: Path) -> None:
@@ -254,13 +259,6 @@ def example(header: Sequence[str], kind: Kind) -> str:
     else:
         lines += _WAVE
     return "\n".join(lines)
-
-
-def _how(header: Sequence[str]) -> str:
-    known = guess(header).columns.keys()
-    kind: Kind = "poses" if {"x", "y"} <= known and not {"surge", "sway"} <= known else "velocities"
-    text = _indented(example(header, kind).splitlines())
-    return f"import it as '{kind}' with --map FILE, a mapping file such as\n{text}\n(units, axes and signs: docs)"
 
 
 def _indented(lines: Sequence[str]) -> str:

@@ -245,10 +245,9 @@ def _stretches_of_joints(whole: Trial) -> tuple[list[IntArray], float | None]:
 
     A law knows them from its ramp on. Recorded ones are known in rows that have them all, and in short gaps between.
     """
-    time, angle = whole.time, whole.joint_angle
+    time, angle = whole.time, np.asarray(whole.joint_angle)  # a mapping has joints or a law
     if whole.wave is not None:
         return [np.flatnonzero(time >= (0.0 if whole.wave.ramp > 0.0 else -np.inf))], whole.wave.frequency
-    assert angle is not None  # noqa: S101 - a mapping has joints or a law
     found = _joined(time, angle, np.flatnonzero(np.isfinite(angle).all(axis=1)))
     kept = [rows for rows in found if len(found) == 1 or _long_enough(whole, rows)]
     if not kept:
@@ -272,9 +271,8 @@ def _joined(time: FloatArray, angle: FloatArray, rows: IntArray) -> list[IntArra
 
 def _long_enough(whole: Trial, rows: IntArray) -> bool:
     """Whether a stretch lasts long enough for a trial, and has samples of every sensor."""
-    assert whole.joint_angle is not None  # noqa: S101 - only then there are stretches
     first, last = whole.time[rows[[0, -1]]]
-    beats = count_beats(whole.time[rows], whole.joint_angle[rows])
+    beats = count_beats(whole.time[rows], np.asarray(whole.joint_angle)[rows])
     seen = [np.count_nonzero((s.time >= first) & (s.time <= last)) >= FEWEST for s in whole.sensors]
     return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
