@@ -311,8 +311,7 @@ def check(table: DatasetTable, file: Path) -> None:
             raise InputError(
                 f"{file}: trials.{number}: no file and no [[trials.sensors]], expected a recording; add one of them"
             )
-        recordings = [] if trial.file is None else [trial.file]
-        for recording in [*recordings, *dict.fromkeys(sensor.file for sensor in trial.sensors)]:
+        for recording in filter(None, (trial.file, *(sensor.file for sensor in trial.sensors))):
             first = files.setdefault((file.parent / recording).resolve(), number)
             if first != number:
                 raise InputError(

@@ -255,13 +255,11 @@ class Trial:
 
     @property
     def joints_measured(self) -> bool:
-        """Whether the angles of the joints were measured: no servo stands between them and the model."""
-        return self.joint_angle is not None and not self.commanded
+        """Whether the angles of the joints were measured: no servo stands between them and the model.
 
-    @property
-    def joints_have_sensors(self) -> bool:
-        """Whether sensors of their own measured the joints: angles of tracks come with the `errors` of these."""
-        return self.joints_measured and self.errors is None
+        Sensors of their own measured them where the trial has no `errors`: angles of tracks come with these.
+        """
+        return self.joint_angle is not None and not self.commanded
 
     @cached_property
     def measured(self) -> BoolArray:
@@ -406,10 +404,8 @@ class Dataset:
         Raises:
             InputError: there is none to fit.
         """
-        if any(trial.role is not None for trial in self.trials):
-            held = [trial.role == "held_out" for trial in self.trials]
-        else:
-            held = [index % 3 == 1 for index in range(len(self.trials))]
+        any_role = any(trial.role is not None for trial in self.trials)
+        held = [trial.role == "held_out" if any_role else index % 3 == 1 for index, trial in enumerate(self.trials)]
         if all(held):
             raise InputError(f"{self.name}: no trial to fit, expected one or more; add one, or hold out fewer")
         pairs = list(zip(self.trials, held, strict=True))

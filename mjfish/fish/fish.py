@@ -303,8 +303,10 @@ class Fish(Table):
                     raise ValueError(f"coefficients.{kind} has no '{group}', a group of the links; add it")
             for group in given:
                 if group not in self.groups:
-                    known = ", ".join(self.groups)
-                    raise ValueError(f"coefficients.{kind}.{group}: no link is of this group; the links have {known}")
+                    raise ValueError(
+                        f"coefficients.{kind}.{group}: no link is of this group; the links have "
+                        f"{', '.join(self.groups)}"
+                    )
 
     def _check_outline(self) -> None:
         if self.sections[0].start != 0.0:

@@ -76,14 +76,9 @@ def section_at(sections: Sequence[Section], station: FloatArray) -> tuple[FloatA
     height, width = np.empty_like(station), np.empty_like(station)
     for piece, section in enumerate(sections):
         here = index == piece
-        height[here], width[here] = _evaluate(section, station[here])
-    return height, width
-
-
-def _evaluate(section: Section, station: FloatArray) -> tuple[FloatArray, FloatArray]:
-    s = np.clip((station - section.start) / (section.end - section.start), 0.0, 1.0)
-    shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
-    height, width = (a + (b - a) * shape for a, b in (section.height, section.width))
+        s = np.clip((station[here] - section.start) / (section.end - section.start), 0.0, 1.0)
+        shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
+        height[here], width[here] = (a + (b - a) * shape for a, b in (section.height, section.width))
     return height, width
 
 

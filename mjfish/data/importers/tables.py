@@ -37,7 +37,6 @@ from mjfish.data.importers.trials import (
     ImportReport,
     Run,
     assembled,
-    longest,
     runs,
     stretch_names,
 )
@@ -300,8 +299,9 @@ def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[IntArray]:
     fewest = max(int(np.ceil(seconds / trial.step)), least)
     kept = [np.arange(a, b) for a, b in runs(complete) if b - a >= fewest]
     if not kept:
+        longest = max(b - a for a, b in runs(complete))
         raise InputError(
-            f"{path}: the longest stretch without a gap has {longest(runs(complete))} rows, expected {fewest} or more "
+            f"{path}: the longest stretch without a gap has {longest} rows, expected {fewest} or more "
             f"({seconds:.3g} s); record longer, or leave this file out"
         )
     return kept

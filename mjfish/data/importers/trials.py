@@ -193,11 +193,6 @@ def runs(flags: BoolArray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def longest(candidates: Sequence[tuple[int, int]]) -> int:
-    """Return the length of the longest stretch, 0 without any."""
-    return max((b - a for a, b in candidates), default=0)
-
-
 #: Shortest stretch that is kept: beats, or seconds where there is no beat.
 BEATS, SECONDS = 2.0, 1.0
 #: Samples a beat that measured joint angles need, so that a spline through them keeps the accelerations.
@@ -252,11 +247,12 @@ def record(
     fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
     kept = [(a, b) for a, b in runs(keep) if b - a >= fewest]
     if not kept:
-        found = longest(runs(keep))
+        found = max((b - a for a, b in runs(keep)), default=0)
+        lost = (f"; {reason} lost in {count} frames" for reason, count in sorted(Counter(reasons.values()).items()))
         what = f"{BEATS:g} beats" if fit.beat is not None else f"{SECONDS:g} s"
         raise InputError(
             f"{source}: the longest usable stretch has {found} frames, expected {fewest} or more ({what})"
-            f"{_lost(reasons)}; record longer, track again, or leave this file out"
+            f"{''.join(lost)}; record longer, track again, or leave this file out"
         )
     # Errors of samples are independent, but joint angles dense enough for a spline.
     every = 1 if fit.beat is None else max(min(apart, int(1.0 / (_SAMPLES * fit.beat * step))), 1)
@@ -333,11 +329,6 @@ def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: Bo
     if keep[start:end].all():
         return f"shorter than {BEATS:g} beats"
     return "end of the record, motion half as well known" if start == 0 or end == frames else "motion not known"
-
-
-def _lost(reasons: dict[int, str]) -> str:
-    counts = Counter(reasons.values())
-    return "".join(f"; {reason} lost in {count} frames" for reason, count in sorted(counts.items()))
 
 
 def stretch_names(name: str, count: int) -> list[str]:
