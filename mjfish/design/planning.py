@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -248,16 +248,15 @@ def _planned(known: FittedModels, question: Question, menu: Menu, progress: Prog
     tried = _causes(known, question)
     question = replace(question, names=tuple(effect.name for effect in tried))
     runs = menu.runs(known.dataset)
-    options: tuple[Option, ...]
     if question.purpose == "separate":
         models = known.estimates(tried, progress)
         progress("trying the runs of the menu", 0.5)
         pairs = separations(models, runs)
-        options = (*_calibrations(tried, pairs), *_separating(pairs, _sizes(models), runs, menu.pause))
+        options = _ranked(_calibrations(tried, pairs)) + _ranked(_separating(pairs, _sizes(models), runs, menu.pause))
     else:
         models = known.estimates((), progress)
         progress("trying the runs of the menu", 0.5)
-        options = _revealing(detection(models[0], tried, runs), tried, runs, menu.pause)
+        options = _ranked(_revealing(detection(models[0], tried, runs), tried, runs, menu.pause))
     progress("done", 1.0)
     converged = all(model.converged for model in models)
     return Plan(
@@ -297,20 +296,26 @@ def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
     return found
 
 
+def _ranked(options: Iterable[Option]) -> tuple[Option, ...]:
+    return tuple(sorted(options, key=lambda option: -option.worth))
+
+
+def _of_run(run: Run, pause: float, gain: float, pairs: tuple[Pair, ...], told: tuple[Isolated, ...]) -> Option:
+    """Return a run as an option, worth its gain a second."""
+    seconds = run.seconds + pause
+    return Option("run", run.name, run.about, seconds, gain / seconds, pairs, run.trial.drive, run, told)
+
+
 def _separating(
     pairs: Sequence[Separation], sizes: Mapping[str, tuple[Parameter, float]], runs: Sequence[Run], pause: float
-) -> list[Option]:
-    """Rank runs by the smallest gain of lambda of any pair a second."""
-    options = []
+) -> Iterator[Option]:
+    """Yield the runs, worth the smallest gain of lambda of any pair a second."""
     for i, run in enumerate(runs):
         if any(pair.runs[i] is None for pair in pairs):
             continue
         effects = tuple(_pair(pair, i) for pair in pairs)
-        seconds = run.seconds + pause
-        worth = min(pair.after - pair.now for pair in effects) / seconds
         told = tuple(_hardest(rival, *size, pairs, i) for rival, size in sizes.items())
-        options.append(Option("run", run.name, run.about, seconds, worth, effects, run.trial.drive, run, told))
-    return sorted(options, key=lambda option: -option.worth)
+        yield _of_run(run, pause, min(pair.after - pair.now for pair in effects), effects, told)
 
 
 def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]]:
@@ -340,9 +345,8 @@ def _pair(pair: Separation, run: int | None) -> Pair:
     return Pair(*pair.rivals, pair.noncentrality(), pair.noncentrality(run), pair.probability(), pair.probability(run))
 
 
-def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list[Option]:
-    """Return the calibrations that settle a pair, those that settle most first, then the quickest."""
-    options = []
+def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> Iterator[Option]:
+    """Yield the calibrations that settle a pair, the quickest first, worth as many as they settle."""
     for calibration in CALIBRATIONS:
         names = {effect.name for effect in rivals if calibration_of(effect) == calibration}
         if not names:
@@ -355,8 +359,7 @@ def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list
         )
         about = f"{calibration.about}: measures {', '.join(sorted(names))} directly"
         worth = float(sum(pair.settled for pair in done))
-        options.append(Option("calibration", calibration.name, about, 0.0, worth, done))
-    return sorted(options, key=lambda option: -option.worth)
+        yield Option("calibration", calibration.name, about, 0.0, worth, done)
 
 
 def calibration_of(effect: Effect) -> Calibration | None:
@@ -364,8 +367,8 @@ def calibration_of(effect: Effect) -> Calibration | None:
     return effect.calibration or DOMAINS.get(effect.domain)
 
 
-def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
-    """Rank runs by what shrinks least, in -log a second: of the minimum detectable effects, and of the isolability."""
+def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> Iterator[Option]:
+    """Yield the runs, worth what shrinks least, in -log: of the minimum detectable effects, and of the isolability."""
     formulas = [cause for cause in causes if not cause.learned] or causes  # a number of a curve is not seen alone
     now = {cause.name: found.sizes(cause.name) for cause in formulas}
     best = {
@@ -374,7 +377,6 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
         if np.all(np.isfinite(list(sizes.values())))
     }
     apart = found.isolability(causes)
-    options = []
     for i, run in enumerate(runs):
         if found.runs[i] is None or not best:
             continue
@@ -384,11 +386,8 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
             Isolated(apart.amplitudes[k], apart.mechanisms[l], apart.units[k], apart.sizes[k][l], after.sizes[k][l])
             for k, l in apart.hardest(_HARDEST)  # noqa: E741 - the equation's
         )
-        seconds = run.seconds + pause
         gain = min(float(np.log(pair.now / pair.after)) for pair in pairs)
-        worth = (gain + min((pair.gain for pair in told), default=0.0)) / seconds
-        options.append(Option("run", run.name, run.about, seconds, worth, pairs, run.trial.drive, run, told))
-    return tuple(sorted(options, key=lambda option: -option.worth))
+        yield _of_run(run, pause, gain + min((pair.gain for pair in told), default=0.0), pairs, told)
 
 
 def _remarks(dataset: Dataset, options: Sequence[Option]) -> tuple[str, ...]:

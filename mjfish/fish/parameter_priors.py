@@ -86,8 +86,7 @@ def joined(table: dict[str, Any], known: Sequence[FishParameterPrior]) -> dict[s
             if isinstance(owner[step], tuple):
                 owner[step] = list(owner[step])
             owner = owner[step]
-        given = {key: getattr(one, key) for key in _KEYS}
-        owner[last] = {"value": owner[last], **{key: value for key, value in given.items() if value is not None}}
+        owner[last] = {"value": owner[last], **one.model_dump(include=set(_KEYS), exclude_none=True)}
     return table
 
 
@@ -146,8 +145,7 @@ def parameters(known: Sequence[FishParameterPrior], table: Any) -> Iterator[Para
             low, high = least if low is None else low, most if high is None else high
         if low is None or high is None:
             raise ValueError(f"{name}: neither sd nor low and high; add one of them")
-        scale = 0.3 * one.sd if one.sd is not None else 0.03 * (high - low)
-        scale = max(scale, 1e-9 * abs(value), 1e-15)
+        scale = max(0.3 * one.sd if one.sd is not None else 0.03 * (high - low), 1e-9 * abs(value), 1e-15)
         yield Parameter(name, unit, value, low, high, value, scale, about=_about(name), sd=one.sd, mean=one.mean)
 
 

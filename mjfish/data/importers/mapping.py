@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -205,12 +205,6 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, F
         return table, load_fish(table.fish, relative_to=path.parent), path
 
 
-def driven(table: Driven) -> dict[str, Any]:
-    """Return what a mapping says of the joints and the start, as attributes of a trial."""
-    joints = table.joints or JointColumns(columns=())
-    return {"from_rest": table.from_rest, "commanded": joints.are == "commanded", "hold": joints.hold}
-
-
 def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
     if table.joints is None:
@@ -253,11 +247,6 @@ def wave_drive(table: Driven, fish: Fish, mapping: Path, recorded: Path) -> Wave
             )
         key, law = f"waves.{found}", table.waves[found]
     return None if law is None else wave_of(law, fish, f"{mapping}: {key}", ANGLES[law.unit])
-
-
-def angle_columns(table: Driven) -> tuple[str, ...]:
-    """Return the columns that the joint angles are in."""
-    return () if table.joints is None else table.joints.columns
 
 
 #: Mapping files of shipped layouts.

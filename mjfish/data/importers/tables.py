@@ -18,10 +18,9 @@ from mjfish.data.importers.mapping import (
     ANGLES,
     LENGTHS,
     TIMES,
+    JointColumns,
     PosesMap,
     VelocitiesMap,
-    angle_columns,
-    driven,
     joint_angle_remarks,
     measured_angles,
     read_mapping,
@@ -154,7 +153,8 @@ def import_mapped(
 
 def _run(path: Path, table: PosesMap | VelocitiesMap, fish: Fish, mapping: Path, read: Read) -> Run:
     """Return the trials of a file, and what was done to it."""
-    names = (*(getattr(table, key) for key in KEYS[table.kind][1:]), *angle_columns(table))
+    joints = table.joints or JointColumns(columns=())
+    names = (*(getattr(table, key) for key in KEYS[table.kind][1:]), *joints.columns)
     columns = read(path, table, names)
     frames, fewest = len(columns.numbers[table.time]), _FEWEST_ROWS[table.kind]
     if frames < fewest:
@@ -172,7 +172,9 @@ def _run(path: Path, table: PosesMap | VelocitiesMap, fish: Fish, mapping: Path,
         wave=wave_drive(table, fish, mapping, path),
         source=path,
         sensors=sensors,
-        **driven(table),
+        commanded=joints.are == "commanded",
+        hold=joints.hold,
+        from_rest=table.from_rest,
     )
     complete: BoolArray = np.asarray(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1))
     parts, beat = _stretches_of_joints(whole) if sensors else (_stretches(whole, complete, path), None)
