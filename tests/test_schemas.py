@@ -31,8 +31,8 @@ from mjfish.files.tomlfile import parse
 from mjfish.fish import load_fish
 from mjfish.inspection import Finding, Inspection
 from mjfish.simulation.synthetic import generate
-from mjfish.study import Study, cases, read_cases, run, study_toml
-from mjfish.study.store import SCHEMA as PIECE
+from mjfish.study import Study, cases, read_cases, run
+from mjfish.study.pieces import SCHEMA as PIECE
 
 NAMES = [file.stem for file in schema_page.files()]
 #: Keys below these tables are names of the user's own.
@@ -239,10 +239,10 @@ def test_the_schemas_have_the_keys_that_are_read() -> None:
         dataset_toml.SensorTable: defs["sensor"],
         dataset_toml.PlaceTable: defs["sensor"]["properties"]["place"],
         Study: study,
-        study_toml.Generated: study["$defs"]["generate"],
-        study_toml.Folder: study["$defs"]["folder"],
-        study_toml.Identify: study["$defs"]["identify"],
-        study_toml.Diagnose: study["$defs"]["diagnose"],
+        cases.Generated: study["$defs"]["generate"],
+        cases.Folder: study["$defs"]["folder"],
+        cases.Identify: study["$defs"]["identify"],
+        cases.Diagnose: study["$defs"]["diagnose"],
     }
     for model, part in read.items():
         fields = {field.alias or name: field for name, field in model.model_fields.items() if name != "wave"}

@@ -17,10 +17,10 @@ from mjfish.errors import InputError
 
 if TYPE_CHECKING:
     from mjfish.data import Dataset
-    from mjfish.data.dialect import Layout
     from mjfish.data.importers import ImportReport
-    from mjfish.data.importers.headers import Kind
     from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
+    from mjfish.data.importers.recognition import Kind
+    from mjfish.data.tables import Layout
 
 #: Where the mapping of the columns stands, for messages.
 _PLACE = Path("mjfish dataset new")
@@ -117,9 +117,9 @@ def new(
 ) -> None:
     """Make a dataset of CSV files. In a terminal, what is neither given nor clear from the headers is asked for."""
     from mjfish.data import save
-    from mjfish.data.importers.headers import units as unit_names
+    from mjfish.data.importers.recognition import units as unit_names
     from mjfish.data.importers.tables import import_mapped
-    from mjfish.data.sheet import DATES
+    from mjfish.data.tables import DATES
     from mjfish.files.writing import check_new_folder
     from mjfish.fish import load_fish
 
@@ -224,8 +224,8 @@ def _files(answer: str) -> list[Path]:
 
 def _layout(paths: Sequence[Path], dialect: Mapping[str, Any]) -> Layout:
     """Return how the first file is laid out, by what is stated of it."""
-    from mjfish.data.dialect import Dialect, recognise
-    from mjfish.data.importers.unknown import check_once, check_text
+    from mjfish.data.importers.recognition import check_once, check_text
+    from mjfish.data.tables import Dialect, recognise
     from mjfish.files import tomlfile
 
     if not paths:
@@ -248,7 +248,7 @@ class _Columns:
 
 
 def _columns(headers: Sequence[str], given: Mapping[str, str | None], questions: _Questions, path: Path) -> _Columns:
-    from mjfish.data.importers.headers import KEYS, guess, named
+    from mjfish.data.importers.recognition import KEYS, guess, named
 
     found = guess(headers)
     given = {key: None if name is None else named(name, headers) for key, name in given.items()}
@@ -290,7 +290,7 @@ class _Drive:
 def _drive(
     headers: Sequence[str], joints: str | None, wave: Mapping[str, list[str] | None], questions: _Questions
 ) -> _Drive:
-    from mjfish.data.importers.headers import guess, named
+    from mjfish.data.importers.recognition import guess, named
 
     if joints is not None and any(wave.values()):
         raise InputError("--joints beside a drive, expected joint angles or the drive; leave out one of them")
@@ -332,9 +332,9 @@ def _units(
     columns: Mapping[str, str], drive: _Drive, stated: Mapping[str, str | None], questions: _Questions
 ) -> dict[str, str]:
     """Return the unit of every kind: as stated, else as headers name it; seconds and the unit of angles by default."""
-    from mjfish.data.importers import headers
+    from mjfish.data.importers.recognition import units as unit_names
 
-    named = headers.units(columns, drive.joints)
+    named = unit_names(columns, drive.joints)
     units: dict[str, str] = {}
     defaults = {"time": "s", "joint": stated["angle"]}
     for kind, choices in _UNITS.items():
@@ -429,7 +429,7 @@ def _is_toml(text: str) -> bool:
 
 def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assumed: bool) -> list[str]:
     """Return what each column was taken for, a line each, and whether that was guessed."""
-    from mjfish.data.importers.headers import UNIT_OF
+    from mjfish.data.importers.recognition import UNIT_OF
 
     lines = []
     for key, header in columns.of.items():

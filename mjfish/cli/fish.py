@@ -42,7 +42,7 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
 ) -> None:
     """Write a fish TOML from a few measurements, to be corrected."""
-    from mjfish.fish import fish_toml
+    from mjfish.fish import write_fish
 
     name = name.removesuffix(".toml")
     body = mjfish.new_fish(name, length=length, mass=mass, joints=joints, height=height, width=width, density=density)
@@ -50,7 +50,7 @@ def new(
     if path.exists() and not force:
         raise InputError(f"{path}: is there already; give another name, or --force to replace it")
     make_folder(out)
-    fish_toml.write(path, body, _COMMENTS)
+    write_fish(path, body, _COMMENTS)
     console.say(f"wrote {path}", f"next: correct it, then {console.program()} fish show {path}")
 
 
@@ -62,9 +62,9 @@ def write(path: Path, body: Fish, comments: Sequence[str] = (), *, free: bool = 
     """
     check_suffix(path, *SUFFIXES)
     if path.suffix.lower() == ".toml":
-        from mjfish.fish import fish_toml
+        from mjfish.fish import write_fish
 
-        fish_toml.write(path, body, comments)
+        write_fish(path, body, comments)
     else:
         from mjfish.mujoco import Trim, export
 
@@ -78,7 +78,7 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
 
     body, _ = read(fish)
     found = summarise(body)
-    total = sum(link.mass for link in found.links)
+    total = sum(link.mass for link in body.links)
     console.say(
         f"{body.name}: {body.length:.3g} m, {total:.3g} kg, {body.joints} joint{'s' * (body.joints > 1)}",
         "",
@@ -87,8 +87,8 @@ def show(fish: Annotated[str, typer.Argument(help="A shipped fish or a fish TOML
     )
     units = ("length\nm", "mass\nkg", "displaced\nkg", "com\nm", "inertia\nkg m2", "added\nkg", "added\nkg m2")
     table = console.table("", ("link", "group", *units), left=("link", "group"))
-    for link in found.links:
-        numbers = (link.length, link.mass, link.displaced, link.com, link.inertia, link.added, link.added_inertia)
+    for link, own in zip(body.links, found.links, strict=True):
+        numbers = (link.length, link.mass, own.displaced, link.com, link.inertia, own.added, own.added_inertia)
         table.add_row(link.name, link.group, *(f"{number:.3g}" for number in numbers))
     console.show(table)
     console.say("", *(found.odd or ("Nothing is odd about its numbers.",)))

@@ -4,24 +4,159 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from mjfish.comparison import rollouts
-from mjfish.comparison.rollouts import SimulatedRun
-from mjfish.data import Dataset, Role, Trial
+from mjfish.data import Dataset, Role, Trial, columns, read_table
+from mjfish.data.tables import SUFFIXES
 from mjfish.errors import InputError
 from mjfish.estimation.problem import Problem
 from mjfish.estimation.residual import Agreement, Residual, agreement
 from mjfish.files.plain_data import fields_of
 from mjfish.files.result import Result
+from mjfish.files.writing import check_suffix
 from mjfish.fish.frames import CHANNELS
 from mjfish.model import Model
 from mjfish.noise import Noise
 from mjfish.numerics.arrays import BoolArray, FloatArray
+
+#: A file of this name, as `mjfish simulate` writes it, is called by its folder.
+_ANONYMOUS = "rollout"
+#: A sample this close to an end of a rollout is at that end [s]: rounding of times.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRun:
+    """One file of simulated velocities.
+
+    Attributes:
+        source: the file.
+        time: (n,) increasing [s].
+        velocity: (n, k) of its channels.
+        channels: those of surge, sway, yaw_rate that are in the file.
+    """
+
+    source: Path
+    time: FloatArray
+    velocity: FloatArray
+    channels: tuple[str, ...]
+
+    @cached_property
+    def _curves(self) -> CubicSpline:
+        return CubicSpline(self.time, self.velocity)
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return the velocities (m, 3) at times (m,), NaN where the file has none; a cubic spline in between.
+
+        Of the pike at 100 Hz that leaves 2e-4 of the range at most, and local cubics, such as Akima's, ten times as
+        much. Where the drive steps a spline rings for some samples.
+        """
+        found = np.full((len(time), len(CHANNELS)), np.nan)
+        found[:, [CHANNELS.index(name) for name in self.channels]] = self._curves(
+            np.clip(time, self.time[0], self.time[-1])
+        )
+        found[~self.covers(time)] = np.nan
+        return found
+
+    def covers(self, time: FloatArray) -> BoolArray:
+        """Return which of the times (m,) the run goes over."""
+        return np.asarray((time >= self.time[0] - _ROUNDING) & (time <= self.time[-1] + _ROUNDING))
+
+
+def read_rollout(path: Path) -> SimulatedRun:
+    """Read a rollout: ``time [s]`` and one or more of the channels; other known columns are left alone.
+
+    Raises:
+        InputError: the file is damaged or lacks what is needed; see `mjfish.data.read_table`.
+    """
+    table = read_table(path)
+    found = ", ".join(map(columns.header, table))
+    if "time" not in table:
+        raise InputError(f"{path}: column '{columns.header('time')}' is missing; found {found}; add it")
+    channels = tuple(name for name in CHANNELS if name in table)
+    if not channels:
+        raise InputError(
+            f"{path}: has no velocity, expected one or more of {', '.join(map(columns.header, CHANNELS))}; found "
+            f"{found}; add them"
+        )
+    if len(table["time"]) < 2:
+        raise InputError(f"{path}: has 1 row, expected a run over the time of its trial; simulate longer")
+    columns.check_increasing(table["time"], path)
+    return SimulatedRun(path, table["time"], np.stack([table[name] for name in channels], axis=1), channels)
+
+
+def assign_rollouts(against: Sequence[Path], trials: Sequence[Trial]) -> tuple[dict[str, Path], tuple[Path, ...]]:
+    """Find the file of every trial by its name: ``v1.csv``, ``v1.parquet`` or ``v1/rollout.csv``.
+
+    Args:
+        against: folders that hold such files, and files; a single file may have any name where there is a single trial.
+        trials: that were measured.
+
+    Returns:
+        Files by name of the trial, and those in folders that belong to none.
+
+    Raises:
+        InputError: nothing is found, two files for one trial, a file that belongs to none, or the measurement itself.
+    """
+    names = {trial.name.casefold(): trial for trial in trials}
+    found: dict[str, Path] = {}
+    unused: list[Path] = []
+    for path in against:
+        inside = _files(path)
+        for file in inside:
+            trial = names.get(_name(file).casefold())
+            if trial is None and len(trials) == len(against) == len(inside) == 1:
+                trial = trials[0]
+            if trial is None and file == path:
+                raise InputError(f"{file}: no trial is called '{_name(file)}'; {_expected(trials)}; rename the file")
+            if trial is None:
+                unused.append(file)
+                continue
+            if trial.name in found:
+                raise InputError(
+                    f"{file}: '{found[trial.name]}' is a rollout of the trial '{trial.name}' already; leave out one of "
+                    "the two"
+                )
+            if trial.source is not None and trial.source.exists() and trial.source.samefile(file):
+                raise InputError(
+                    f"{file}: is the measurement of the trial '{trial.name}'; name the folder of the rollouts"
+                )
+            found[trial.name] = file
+    if not found:
+        listed = (
+            ", ".join(sorted(f.name if f.stem != _ANONYMOUS else f"{_name(f)}/{f.name}" for f in unused)[:5])
+            or "no tables"
+        )
+        where = ", ".join(map(str, against))
+        raise InputError(f"{where}: no rollout of any trial; found {listed}; {_expected(trials)}")
+    return found, tuple(unused)
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the tables that a path stands for: itself, or those in a folder, and the rollouts in its folders."""
+    if path.is_dir():
+        here = [file for file in sorted(path.iterdir()) if file.suffix.lower() in SUFFIXES and file.is_file()]
+        return here + sorted(path.glob(f"*/{_ANONYMOUS}.csv")) + sorted(path.glob(f"*/{_ANONYMOUS}.parquet"))
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; name a folder of rollouts, or the files")
+    check_suffix(path, *SUFFIXES)
+    return [path]
+
+
+def _name(file: Path) -> str:
+    return file.resolve().parent.name if file.stem == _ANONYMOUS else file.stem
+
+
+def _expected(trials: Sequence[Trial]) -> str:
+    listed = ", ".join(f"{trial.name}.csv" for trial in trials[:5]) + (", ..." if len(trials) > 5 else "")
+    return f"expected files named as the trials: {listed}, or folders so named with a {_ANONYMOUS}.csv"
+
 
 #: Shifts are looked for up to here [s], but not beyond half a beat: there, the next beat would fit again.
 LONGEST = 0.25
@@ -189,10 +324,8 @@ class Comparison(Result):
             for score in trial.scores:
                 shift = trial.shifts.get(score.channel) if score.part == "whole" else None
                 row = {key: value for key, value in fields_of(score).items() if key != "horizon"}
-                row["shift [s]"] = None if shift is None else shift.time
-                row["rmse_shifted"] = None if shift is None else shift.rmse
-                row["nrmse_shifted"] = None if shift is None else shift.nrmse
-                rows.append(row)
+                shifted = {"shift [s]": "time", "rmse_shifted": "rmse", "nrmse_shifted": "nrmse"}
+                rows.append(row | {name: getattr(shift, of, None) for name, of in shifted.items()})
         return rows
 
 
@@ -226,8 +359,8 @@ def compare(dataset: Dataset, against: Sequence[str | Path], *, bound: float | N
     """
     if bound is not None and not 0.0 < bound < np.inf:
         raise InputError(f"the bound is {bound:g}, expected a finite nRMSE above 0, e.g. 0.1; correct it")
-    found, unused = rollouts.assign([Path(path) for path in against], dataset.trials)
-    runs = {name: rollouts.read(path) for name, path in found.items()}
+    found, unused = assign_rollouts([Path(path) for path in against], dataset.trials)
+    runs = {name: read_rollout(path) for name, path in found.items()}
     held = {trial.name for trial in dataset.split()[1]}
     counted = Problem(Model(dataset.fish), dataset.trials, Noise.white(np.ones(3)))
     trials = []
@@ -283,19 +416,14 @@ def _coarse(trial: Trial, run: SimulatedRun) -> list[str]:
 
 
 def _shifts(trial: Trial, run: SimulatedRun, counted: BoolArray) -> dict[str, Shift]:
-    there = [channel for channel in run.channels if trial.measured[CHANNELS.index(channel)]]
-    index = [CHANNELS.index(channel) for channel in there]
-    if not there:
+    groups = {name: [k] for k, name in enumerate(CHANNELS) if name in run.channels and trial.measured[k]}
+    if not groups:
         return {}
     span = np.nanmax(trial.velocity, axis=0) - np.nanmin(trial.velocity, axis=0)
-    found = {}
-    for name, chosen in [*zip(there, ([i] for i in index), strict=True), ("all", index)]:
+    measured = trial.velocity[counted]
 
-        def predict(time: FloatArray, chosen: list[int] = chosen) -> FloatArray:
-            return run.at(time)[:, chosen]
+    def best(own: list[int]) -> Shift | None:
+        return best_shift(lambda at: run.at(at)[:, own], trial.time[counted], measured[:, own], span[own], reach(trial))
 
-        measured = trial.velocity[counted][:, chosen]
-        shift = best_shift(predict, trial.time[counted], measured, span[chosen], reach(trial))
-        if shift is not None:
-            found[name] = shift
-    return found
+    found = {name: best(own) for name, own in {**groups, "all": [k for (k,) in groups.values()]}.items()}
+    return {name: shift for name, shift in found.items() if shift is not None}

@@ -8,58 +8,52 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from mjfish.data.filters import Filter, GaussianFilter, restored_filter
 from mjfish.data.sensor import Kind
-from mjfish.data.trial import Clock, Hold, Role
+from mjfish.data.trial import Clock, Filter, GaussianFilter, Hold, Role, restored_filter
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.plain_data import fields_of
-from mjfish.files.tomlfile import Table
+from mjfish.files.tomlfile import Table, consistent, required
 from mjfish.fish import KINDS, Fish
 from mjfish.fish.parameter_priors import ParameterPrior
 
 #: Name of the file that makes a folder a dataset.
 FILE = "dataset.toml"
-_SAFE_NAME = re.compile(r"\w(?:[\w .+-]{0,98}[\w+-])?")
 
 Number = Annotated[float, Field(strict=True)]
 
 
-def _sigma(value: float) -> float:
-    if value <= 0.0:
-        raise ValueError("must be above 0; leave out [noise], or sigma of a sensor, to have it estimated from the data")
-    return value
-
-
-def _safe(name: str) -> str:
-    if not _SAFE_NAME.fullmatch(name):
-        raise ValueError(
-            "a trial's name is also a file name: letters, digits, spaces and . + - _ only, beginning with a letter or "
-            "digit, at most 100 characters; rename the trial"
-        )
-    return name
-
-
-def _safe_sensor(name: str) -> str:
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in ("start", "clock", "wave"):
-        raise ValueError(
-            "a sensor's name is a part of the names of parameters: lower-case letters, digits and _ only, beginning "
-            "with a letter, not start, clock or wave; rename the sensor"
-        )
-    return name
-
-
-def _path(name: str) -> str:
-    if not name or "\0" in name:
-        raise ValueError("expected the name of a file; correct it")
-    # By the name alone: a link in the folder is the user's own word.
-    if Path(name).anchor or Path(os.path.normpath(name)).parts[0] == os.pardir:
-        raise ValueError("leaves the folder of the dataset, expected a file in it; copy it there, or link to it")
-    return name
-
-
-Sigma = Annotated[Number, AfterValidator(_sigma)]
+_NAMED = required(lambda name: name and "\0" not in name, "expected the name of a file; correct it")
+#: By the name alone: a link in the folder is the user's own word.
+_INSIDE = required(
+    lambda name: not Path(name).anchor and Path(os.path.normpath(name)).parts[:1] != (os.pardir,),
+    "leaves the folder of the dataset, expected a file in it; copy it there, or link to it",
+)
+FileName = Annotated[str, _NAMED, _INSIDE]
+TrialName = Annotated[
+    str,
+    required(
+        re.compile(r"\w(?:[\w .+-]{0,98}[\w+-])?").fullmatch,
+        "a trial's name is also a file name: letters, digits, spaces and . + - _ only, beginning with a letter or "
+        "digit, at most 100 characters; rename the trial",
+    ),
+]
+SensorName = Annotated[
+    str,
+    required(
+        re.compile(r"(?!(?:start|clock|wave)\Z)[a-z][a-z0-9_]*").fullmatch,
+        "a sensor's name is a part of the names of parameters: lower-case letters, digits and _ only, beginning "
+        "with a letter, not start, clock or wave; rename the sensor",
+    ),
+]
+Sigma = Annotated[
+    Number,
+    required(
+        lambda value: value > 0.0,
+        "must be above 0; leave out [noise], or sigma of a sensor, to have it estimated from the data",
+    ),
+]
 Positive = Annotated[Number, Field(gt=0.0)]
 NotNegative = Annotated[Number, Field(ge=0.0)]
 
@@ -129,8 +123,8 @@ class SensorTable(Table):
     """
 
     kind: Kind
-    name: Annotated[str, AfterValidator(_safe_sensor)] = ""
-    file: Annotated[str, AfterValidator(_path)]
+    name: SensorName = ""
+    file: FileName
     columns: Annotated[dict[str, str], Field(default_factory=dict)]
     place: PlaceTable | None = None
     sigma: tuple[Sigma, ...] = ()
@@ -151,17 +145,17 @@ class TrialTable(Table):
     `joints`: whether the columns of joint angles are what the joints did, or what the servos were told.
     `hold`: what a commanded angle does until the next one (`mjfish.data.Trial.hold`).
     `from_rest`: whether the fish is known to be at rest in the water at the first sample.
-    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.error_modes`.
+    `errors`: file of the modes of the errors of velocities and joint angles, see `mjfish.data.trial`.
     """
 
-    name: Annotated[str, AfterValidator(_safe)]
-    file: Annotated[str, AfterValidator(_path)] | None = None
+    name: TrialName
+    file: FileName | None = None
     role: Role | None = None
     gaps: bool = False
     joints: Literal["measured", "commanded"] = "measured"
     hold: Hold = "linear"
     from_rest: bool = False
-    errors: Annotated[str, AfterValidator(_path)] | None = None
+    errors: FileName | None = None
     drive: tuple[Drive, ...] = ()
     wave: WaveDrive | None = None
     sensors: tuple[SensorTable, ...] = ()
@@ -196,15 +190,13 @@ def _is_wave(table: Mapping[str, object]) -> bool:
     return not {"kind", "frequency", "amplitude", "phase", "ramp", "free"}.isdisjoint(table)
 
 
-def _walls(walls: tuple[float, float]) -> tuple[float, float]:
-    if walls[0] >= walls[1]:
-        raise ValueError(
-            f"the walls are at {walls[0]:g} and {walls[1]:g} m, expected the lower one first; correct them"
-        )
-    return walls
-
-
-Walls = Annotated[tuple[Number, Number], AfterValidator(_walls)]
+Walls = Annotated[
+    tuple[Number, Number],
+    required(
+        lambda walls: walls[0] < walls[1],
+        "the walls are at {0[0]:g} and {0[1]:g} m, expected the lower one first; correct them",
+    ),
+]
 
 
 class TankTable(Table):
@@ -242,11 +234,10 @@ class DifferentiatedTable(Table):
     degree: Annotated[int, Field(ge=1, le=6)] = 2
     turned: bool = False
 
-    @model_validator(mode="after")
-    def _fits(self) -> DifferentiatedTable:
-        if self.window % 2 == 0 or self.window <= self.degree:
-            raise ValueError(f"window = {self.window}: expected an odd number above degree = {self.degree}; correct it")
-        return self
+    _fits = consistent(
+        lambda own: own.window % 2 == 1 and own.window > own.degree,
+        "window = {0.window}: expected an odd number above degree = {0.degree}; correct it",
+    )
 
 
 def filter_of(table: GaussianTable | DifferentiatedTable | None) -> Filter | None:
@@ -265,7 +256,7 @@ class DatasetTable(Table):
 
     schema_: Literal[1] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1)]
-    fish: Annotated[str, Field(min_length=1), AfterValidator(_path)]
+    fish: Annotated[str, Field(min_length=1), _NAMED, _INSIDE]
     clock: Clock = "synchronised"
     noise: Noise | None = None
     tank: TankTable | None = None
@@ -320,8 +311,7 @@ def check(table: DatasetTable, file: Path) -> None:
             raise InputError(
                 f"{file}: trials.{number}: no file and no [[trials.sensors]], expected a recording; add one of them"
             )
-        recordings = [] if trial.file is None else [trial.file]
-        for recording in [*recordings, *dict.fromkeys(sensor.file for sensor in trial.sensors)]:
+        for recording in filter(None, (trial.file, *(sensor.file for sensor in trial.sensors))):
             first = files.setdefault((file.parent / recording).resolve(), number)
             if first != number:
                 raise InputError(

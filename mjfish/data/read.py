@@ -1,4 +1,4 @@
-"""Reading a dataset: dataset.toml, the fish, and one table of numbers a trial."""
+"""Reading a dataset: dataset.toml, the fish, and the tables of numbers of trials and of their sensors."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mjfish.data import columns, dataset_toml, error_modes, validation
-from mjfish.data.dataset_toml import DatasetTable, Law, Noise, TrialTable
-from mjfish.data.read_sensor import read_sensor
-from mjfish.data.sensor import Sensor, within
-from mjfish.data.tables import SUFFIXES, read_table
-from mjfish.data.trial import Dataset, Tank, Trial
+from mjfish.data import columns, dataset_toml, validation
+from mjfish.data.dataset_toml import DatasetTable, Law, Noise, SensorTable, TrialTable
+from mjfish.data.sensor import CHANNELS_OF, ON_HEAD, PLACED, Sensor, cleaned, within
+from mjfish.data.tables import SUFFIXES, read_sheet, read_table
+from mjfish.data.trial import Dataset, Tank, Trial, errors_from_columns
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located, system_refusals
@@ -79,7 +78,7 @@ def load_dataset(path: str | Path) -> Dataset:
             )
         trial = build_trial(entry, numbers, fish, source, key, tank, sensors)
         if modes is not None:
-            trial = replace(trial, errors=error_modes.from_columns(modes, trial, file.parent / str(entry.errors)))
+            trial = replace(trial, errors=errors_from_columns(modes, trial, file.parent / str(entry.errors)))
         trials.append(trial)
     return Dataset(
         name=table.name,
@@ -143,8 +142,7 @@ def build_trial(
     if wave is not None:
         validation.check_wave(time, wave, source, f"{key}.drive")
     if drive:
-        validation.check_segments(drive, fish, f"{key}.drive")
-        validation.check_cpg_time(time, drive, source, f"{key}.drive")
+        validation.check_cpg(time, drive, fish, source, f"{key}.drive")
     if joints is not None:
         validation.check_angles(time, joints, source)
     pose = _pose(numbers, source)
@@ -243,22 +241,23 @@ def _sigmas(noise: Noise | None, trials: Sequence[Trial], file: Path) -> FloatAr
 
 
 def _joints(numbers: Mapping[str, FloatArray], fish: Fish, source: Path) -> FloatArray | None:
-    found = {number: name for name in numbers if (number := columns.joint_number(name)) is not None}
-    if not found:
+    given = [name for name in numbers if name.startswith(columns.JOINT)]
+    expected = [columns.joint(number) for number in range(1, fish.joints + 1)]
+    if not given:
         return None
-    for number in range(1, fish.joints + 1):
-        if number not in found:
+    for name in expected:
+        if name not in given:
             raise InputError(
-                f"{source}: column '{columns.header(columns.joint(number))}' is missing, expected one for each of the "
-                f"{fish.joints} joints of fish '{fish.name}'; add it, or remove all joint columns"
+                f"{source}: column '{columns.header(name)}' is missing, expected one for each of the {fish.joints} "
+                f"joints of fish '{fish.name}'; add it, or remove all joint columns"
             )
-    if len(found) > fish.joints:
-        extra = found[max(found)]
+    if len(given) > fish.joints:
+        last = max(given, key=lambda name: int(name.removeprefix(columns.JOINT)))
         raise InputError(
-            f"{source}: column '{columns.header(extra)}', but fish '{fish.name}' has {fish.joints} joints; remove it, "
+            f"{source}: column '{columns.header(last)}', but fish '{fish.name}' has {fish.joints} joints; remove it, "
             "or name the right fish in dataset.toml"
         )
-    return readonly(np.stack([numbers[columns.joint(number)] for number in range(1, fish.joints + 1)], axis=1))
+    return readonly(np.stack([numbers[name] for name in expected], axis=1))
 
 
 def _pose(numbers: Mapping[str, FloatArray], source: Path) -> FloatArray | None:
@@ -274,3 +273,109 @@ def _pose(numbers: Mapping[str, FloatArray], source: Path) -> FloatArray | None:
         )
     unknown = np.full_like(numbers["time"], np.nan)
     return readonly(np.stack([numbers.get(name, unknown) for name in columns.POSE], axis=1))
+
+
+def read_sensor(entry: SensorTable, fish: Fish, source: Path, key: str) -> Sensor:
+    """Read the file of a sensor and validate it.
+
+    Args:
+        entry: of ``[[trials.sensors]]``.
+        fish: that carries it.
+        source: its file.
+        key: of the entry in dataset.toml, for messages.
+
+    Raises:
+        InputError: a file, column, place or number that is not what it must be.
+        UnknownNameError: a header that the file does not have.
+    """
+    wanted = ("time", *CHANNELS_OF[entry.kind])
+    if not entry.columns:
+        return build_sensor(entry, read_table(source, missing=wanted[1:]), fish, source, key)
+    unnamed = [name for name in wanted if name not in entry.columns]
+    unknown = [name for name in entry.columns if name not in wanted]
+    if unnamed or unknown:
+        raise InputError(
+            f"{key}.columns: {', '.join(map(repr, unknown or unnamed))} {'unknown' if unknown else 'missing'}, "
+            f"expected the header of each of {', '.join(wanted)}; correct it"
+        )
+    sheet = read_sheet(source)
+    numbers = {name: sheet.numbers(entry.columns[name], missing=name != "time") for name in wanted}
+    return build_sensor(entry, numbers, fish, source, key, sheet.layout.first_line)
+
+
+def build_sensor(
+    entry: SensorTable,
+    numbers: Mapping[str, FloatArray],
+    fish: Fish,
+    source: Path,
+    key: str,
+    first_line: int | None = None,
+) -> Sensor:
+    """Put a sensor together from its entry and its columns by name.
+
+    Args:
+        entry: see `read_sensor`.
+        numbers: columns (n,) by name; the time increases.
+        fish: see `read_sensor`.
+        source: its file.
+        key: see `read_sensor`.
+        first_line: of the numbers in the file, see `row_name`.
+
+    Raises:
+        InputError: as `read_sensor`.
+    """
+    channels, (link, station) = CHANNELS_OF[entry.kind], _place(entry, fish, key)
+    for name in ("time", *channels):
+        if name not in numbers:
+            found = ", ".join(map(columns.header, numbers))
+            raise InputError(
+                f"{source}: column '{columns.header(name)}' is missing; found {found}; add it, or say in {key}.columns "
+                "which header it has"
+            )
+    if entry.sigma and len(entry.sigma) != len(channels):
+        raise InputError(
+            f"{key}.sigma: {len(entry.sigma)} numbers, expected one for each of {', '.join(channels)}; "
+            "correct it, or leave it out to have it estimated"
+        )
+    sensor = Sensor(
+        name=entry.label,
+        kind=entry.kind,
+        time=numbers["time"],
+        values=np.stack([numbers[name] for name in channels], axis=1),
+        link=link,
+        station=station,
+        placed=entry.place is None or entry.place.known,
+        sigma=np.array(entry.sigma) if entry.sigma else None,
+        free_clock=entry.clock == "free",
+        source=source,
+    )
+    return cleaned(sensor, source, first_line)
+
+
+def _place(entry: SensorTable, fish: Fish, key: str) -> tuple[int, float]:
+    """Return link and station of a sensor."""
+    names = [link.name for link in fish.links]
+    if entry.place is None:
+        if entry.kind in PLACED:
+            raise InputError(
+                f"{key}.place: missing, expected where the {entry.kind} sits, for its reading depends on it; add "
+                f'place = {{link = "{names[0]}", station = 0.0}}, the station in m behind the front of the link'
+            )
+        return 0, 0.0
+    if entry.place.link not in names:
+        raise InputError(
+            f"{key}.place.link: no link '{entry.place.link}' in fish '{fish.name}', expected one of "
+            f"{', '.join(names)}; correct it"
+        )
+    link, station = names.index(entry.place.link), entry.place.station
+    if entry.kind in ON_HEAD and link > 0:
+        raise InputError(
+            f"{key}.place.link: '{entry.place.link}', expected '{names[0]}', for a {entry.kind} is predicted on the "
+            "head only; leave the sensor out"
+        )
+    if station > fish.links[link].length:
+        raise InputError(
+            f"{key}.place.station: {station:g} m is off the link '{names[link]}', which is "
+            f"{fish.links[link].length:g} m long; correct it, or name the link behind"
+        )
+    return link, station

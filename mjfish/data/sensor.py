@@ -15,7 +15,6 @@ import numpy as np
 from scipy import signal
 
 from mjfish.data import columns
-from mjfish.data.cells import check_increasing
 from mjfish.errors import InputError
 from mjfish.files.plain_data import unsaved
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
@@ -134,7 +133,7 @@ def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sens
     Raises:
         InputError: times that run backwards, or hardly any sample.
     """
-    check_increasing(sensor.time, source, first_line, repeated=True)
+    columns.check_increasing(sensor.time, source, first_line, repeated=True)
     sensor = sensor.selected(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
     fresh = np.ones(len(sensor.time), dtype=np.bool_)
     fresh[1:] = np.diff(sensor.time) > 0.0

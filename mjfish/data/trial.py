@@ -1,4 +1,20 @@
-"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to."""
+"""A `Trial` is one recording of measured swimming, a `Dataset` a folder of them with the fish they belong to.
+
+What is known of the errors of a smoothed record are modes that are independent of each other:
+
+    (velocity, joint angles)(t) = truth + sum_m a_m e_m(t),   a_m ~ N(0, 1)
+
+The modes e_m are a root of the errors' covariance, cov = sum_m e_m e_m'. A table of them has the columns ``mode [-]``,
+counted from 1, ``time [s]`` as in the trial, the three velocities and the joints; the rows of a mode follow each other.
+
+Velocities may have been smoothed, or made by differentiating positions: the prediction goes through the same filter. A
+Savitzky-Golay derivative [Savitzky1964] smooths the motion as it smooths the noise. A simulation that is compared with
+such velocities must be smoothed alike, or what the filter took looks like an effect. The data are never filtered: that
+takes their noise, and any model gains [Ljung1999, ch. 14].
+
+[Savitzky1964] A. Savitzky, M. Golay, Analytical Chemistry 36. [Ljung1999] L. Ljung, System Identification: Theory for
+the User, 2nd ed. [VanCittert1931] P. van Cittert, Zeitschrift fuer Physik 69.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +22,124 @@ import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import interpolate, ndimage, signal
 
-from mjfish.data.filters import Filter
+from mjfish.data import columns
 from mjfish.data.sensor import Sensor
 from mjfish.drive.cpg import DriveSegment
+from mjfish.drive.measured import smoothing_spline
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.errors.arguments import check
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import reporting
-from mjfish.fish import Fish
+from mjfish.fish import Fish, frames
+from mjfish.fish.frames import CHANNELS
 from mjfish.fish.parameter_priors import ParameterPrior
-from mjfish.numerics.arrays import BoolArray, FloatArray
+from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+
+#: Rounds of the iteration that undoes the smoothing of a heading [VanCittert1931].
+_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class Differentiator:
+    """A Savitzky-Golay derivative of positions.
+
+    Attributes:
+        window: samples; 3 of degree 2 are central differences.
+        degree: of the polynomial.
+        turned: whether positions were differentiated along the axes of the tank and turned into the fish's by a heading
+            that was not smoothed; else as if along its own.
+    """
+
+    window: int
+    degree: int
+    turned: bool = False
+
+    def of_trial(self, trial: Trial, block: FloatArray) -> FloatArray:
+        """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
+        if not self.turned:
+            return self._filtered(trial, block)
+        recorded = np.asarray(interpolate.CubicSpline(trial.time, trial.velocity[:, 2]).antiderivative()(trial.time))
+        heading = recorded
+        for _ in range(_ROUNDS):  # the recorded one comes of a rate that was smoothed
+            heading = heading + recorded - self._filtered(trial, heading)
+        return _turned(self._filtered(trial, _turned(block, heading)), -heading)
+
+    def reach(self, step: float) -> float:
+        """Return how far [s] a sample is felt to either side, samples being `step` [s] apart."""
+        return 0.5 * self.window * step
+
+    @property
+    def words(self) -> str:
+        """The filter in words."""
+        along = "the tank" if self.turned else "the fish"
+        return f"positions along the axes of {along}, differentiated over {self.window} samples, degree {self.degree}"
+
+    def _filtered(self, trial: Trial, columns: FloatArray) -> FloatArray:
+        """Integrate columns (n, ...) to positions, at missing samples, too, and differentiate these by the filter."""
+        rows = trial.rows
+        flat, grid = columns.reshape(len(columns), -1), np.interp(np.arange(rows[-1] + 1), rows, trial.time)
+        path = interpolate.CubicSpline(trial.time, flat).antiderivative()(grid)
+        smooth = signal.savgol_filter(path, self.window, self.degree, deriv=1, delta=trial.step, axis=0)
+        return np.asarray(smooth[rows].reshape(columns.shape))
+
+
+#: Standard deviations beyond which a Gaussian is cut.
+_CUT = 3.0
+
+
+@dataclass(frozen=True)
+class GaussianFilter:
+    """A Gaussian that velocities were smoothed with.
+
+    Attributes:
+        sd: of it [s]. A wave of frequency f keeps exp(-(2 pi f sd)^2 / 2) of its amplitude.
+    """
+
+    sd: float
+
+    def of_trial(self, trial: Trial, block: FloatArray) -> FloatArray:
+        """Return the columns (n, 3, ...) of velocities of a trial, one row a sample, as this filter would make them."""
+        rows, flat = trial.rows, block.reshape(len(block), -1)
+        grid = np.interp(np.arange(rows[-1] + 1), rows, trial.time)
+        dense = flat if len(grid) == len(flat) else interpolate.CubicSpline(trial.time, flat)(grid)
+        smooth = ndimage.gaussian_filter1d(dense, self.sd / trial.step, axis=0, mode="nearest", truncate=_CUT)
+        return np.asarray(smooth[rows].reshape(block.shape))
+
+    def reach(self, step: float) -> float:
+        """Return how far [s] a sample is felt to either side, samples being `step` [s] apart."""
+        return max(_CUT * self.sd, step)
+
+    @property
+    def words(self) -> str:
+        """The filter in words."""
+        return f"velocities smoothed by a Gaussian of {1e3 * self.sd:.3g} ms"
+
+
+#: What recorded velocities went through.
+Filter = Differentiator | GaussianFilter
+
+
+def restored_filter(fields: Mapping[str, Any] | None) -> Filter | None:
+    """Return the filter whose fields these are."""
+    kind = GaussianFilter if fields and "sd" in fields else Differentiator
+    return kind(**fields) if fields else None
+
+
+def _turned(block: FloatArray, angle: FloatArray) -> FloatArray:
+    """Turn the first two of three components (n, 3, ...) by angles (n,)."""
+    shape = (len(angle), *[1] * (block.ndim - 2))
+    c, s = np.cos(angle).reshape(shape), np.sin(angle).reshape(shape)
+    return np.stack([c * block[:, 0] - s * block[:, 1], s * block[:, 0] + c * block[:, 1], block[:, 2]], axis=1)
+
 
 Role = Literal["fit", "held_out"]
 Clock = Literal["synchronised", "free"]
@@ -89,7 +205,7 @@ class Trial:
         wave: the wave that drives the joints, or None.
         tank: its walls, or None where they are not known.
         errors: (modes, n, 3 + joints) what is known of the errors of `velocity` and `joint_angle`: their sum, each mode
-            times an independent standard normal number (`mjfish.data.error_modes`); None: not known.
+            times an independent standard normal number (`mjfish.data.trial`); None: not known.
         sensors: what else was measured, each on its own clock.
         walk: sizes of the modes of the walk of the drive's clock [s^0.5] (`mjfish.drive.walk`); none: it does not walk.
 
@@ -139,13 +255,11 @@ class Trial:
 
     @property
     def joints_measured(self) -> bool:
-        """Whether the angles of the joints were measured: no servo stands between them and the model."""
-        return self.joint_angle is not None and not self.commanded
+        """Whether the angles of the joints were measured: no servo stands between them and the model.
 
-    @property
-    def joints_have_sensors(self) -> bool:
-        """Whether sensors of their own measured the joints: angles of tracks come with the `errors` of these."""
-        return self.joints_measured and self.errors is None
+        Sensors of their own measured them where the trial has no `errors`: angles of tracks come with these.
+        """
+        return self.joint_angle is not None and not self.commanded
 
     @cached_property
     def measured(self) -> BoolArray:
@@ -290,11 +404,102 @@ class Dataset:
         Raises:
             InputError: there is none to fit.
         """
-        if any(trial.role is not None for trial in self.trials):
-            held = [trial.role == "held_out" for trial in self.trials]
-        else:
-            held = [index % 3 == 1 for index in range(len(self.trials))]
+        any_role = any(trial.role is not None for trial in self.trials)
+        held = [trial.role == "held_out" if any_role else index % 3 == 1 for index, trial in enumerate(self.trials)]
         if all(held):
             raise InputError(f"{self.name}: no trial to fit, expected one or more; add one, or hold out fewer")
         pairs = list(zip(self.trials, held, strict=True))
         return tuple(trial for trial, out in pairs if not out), tuple(trial for trial, out in pairs if out)
+
+
+#: Said where such velocities are shown.
+SMOOTHED = "measured velocities are those of the smoothed path: for looking, nothing was fitted to them"
+
+
+@lru_cache(maxsize=256)
+def for_looking(trial: Trial) -> Trial:
+    """Return a trial with the velocities and poses of its smoothed path, where it has none but places and headings.
+
+    A trial with velocities, or without a place and a heading of the head, is returned as it is.
+    """
+    seen = {sensor.kind: sensor for sensor in trial.sensors if sensor.link == 0}
+    if trial.measured.any() or not {"position", "heading"} <= seen.keys():
+        return trial
+    x, y = (_smoothed(seen["position"], axis, trial.time) for axis in (0, 1))
+    yaw = _smoothed(seen["heading"], 0, trial.time)
+    ahead = seen["position"].station * np.stack([np.cos(yaw[0]), np.sin(yaw[0])], axis=1)
+    swung = yaw[1][:, None] * np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    place, rate = np.stack([x[0], y[0]], axis=1) + ahead, np.stack([x[1], y[1]], axis=1) + swung
+    velocity = np.column_stack([frames.to_body(rate, yaw[0]), yaw[1]])
+    return replace(trial, velocity=readonly(velocity), pose=readonly(np.column_stack([place, yaw[0]])))
+
+
+def _smoothed(sensor: Sensor, column: int, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return one channel of a sensor and its rate (n,) at some times; at those outside of its own, that at its end."""
+    spline = smoothing_spline(sensor.time, sensor.values[:, column])
+    at = np.clip(time, sensor.time[0], sensor.time[-1])
+    return np.asarray(spline(at)), np.asarray(spline(at, nu=1))
+
+
+#: Share of the variance of the errors that modes may leave out.
+_LEFT_OUT = 1e-3
+
+
+def principal_modes(root: FloatArray) -> FloatArray:
+    """Return the principal modes (modes, n, series) of errors, without those that hold a thousandth of the variance.
+
+    Args:
+        root: (series, n, k), whose square root root' is the covariance; every series counts by its own mean variance.
+    """
+    series, samples, _ = root.shape
+    scale = np.sqrt(np.square(root).sum(axis=2).mean(axis=1))[:, None, None]
+    flat = (root / np.maximum(scale, 1e-300)).reshape(series * samples, -1)
+    vectors, values, _ = np.linalg.svd(flat, full_matrices=False)
+    share = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-300)
+    kept = int(np.searchsorted(share, 1.0 - _LEFT_OUT)) + 1
+    modes = (vectors[:, :kept] * values[:kept]).reshape(series, samples, -1) * scale
+    return np.asarray(modes.transpose(2, 1, 0))
+
+
+def errors_to_columns(trial: Trial) -> dict[str, FloatArray]:
+    """Return the modes of a trial as columns by name.
+
+    Raises:
+        InputError: they do not have its samples, velocities and joints.
+    """
+    modes = np.asarray(trial.errors)
+    expected = (len(trial.time), len(_error_columns(trial)) - 2)
+    if modes.shape[1:] != expected:
+        raise InputError(
+            f"trial '{trial.name}': errors have the last axes {modes.shape[1:]}, expected {expected}: a row for every "
+            "time, the three velocities and the joints; correct them"
+        )
+    number = np.repeat(np.arange(1.0, len(modes) + 1.0), len(trial.time))
+    rows = [number, np.tile(trial.time, len(modes)), *modes.reshape(-1, expected[1]).T]
+    return dict(zip(_error_columns(trial), rows, strict=True))
+
+
+def errors_from_columns(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) -> FloatArray:
+    """Return the modes (modes, n, 3 + joints) of a table: surge, sway [m/s], yaw rate [rad/s], joints [rad].
+
+    Raises:
+        InputError: rows or columns are not those of the trial.
+    """
+    names = _error_columns(trial)
+    if list(numbers) != names:
+        found, expected = (", ".join(map(columns.header, which)) for which in (numbers, names))
+        raise InputError(f"{source}: columns {found}, expected {expected}; write them so")
+    count, rest = divmod(len(numbers["mode"]), len(trial.time))
+    there = np.stack([numbers["mode"], numbers["time"]], axis=1)
+    wanted = np.stack([np.repeat(np.arange(1.0, count + 1.0), len(trial.time)), np.tile(trial.time, count)], axis=1)
+    if rest or not np.array_equal(there, wanted):
+        raise InputError(
+            f"{source}: expected the modes 1, 2, ... one after another, each with the {len(trial.time)} times of "
+            f"trial '{trial.name}'; write them so, or remove 'errors' from its entry"
+        )
+    return readonly(np.stack([numbers[name] for name in names[2:]], axis=1).reshape(count, len(trial.time), -1))
+
+
+def _error_columns(trial: Trial) -> list[str]:
+    joints = 0 if trial.joint_angle is None else trial.joint_angle.shape[1]
+    return ["mode", "time", *CHANNELS, *(columns.joint(i + 1) for i in range(joints))]

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.data import columns
-from mjfish.data.cells import check_increasing, row_name
 from mjfish.data.trial import Dataset, Tank, Trial
 from mjfish.drive.cpg import DriveSegment
 from mjfish.drive.wave import Wave
@@ -96,17 +95,17 @@ def check_times(time: FloatArray, path: Path, *, gaps: bool = False) -> None:
     """
     if len(time) < 2:
         raise InputError(f"{path}: has 1 row, expected a recording of at least one beat; record longer")
-    check_increasing(time, path)
+    columns.check_increasing(time, path)
     steps = np.diff(time)
     median = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP * median)
     if wide.size and not gaps:
         index = int(wide[0]) + 1
         raise InputError(
-            f"{row_name(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} ({time[index - 1]:.9g} s) "
-            f"to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} s; cut the recording "
-            f"there into two trials, fill in the missing rows, or, where a CPG drives the fish, say gaps = true in its "
-            f"entry ({wide.size} gaps in the file)"
+            f"{columns.row_name(path, index)}: a gap of {steps[index - 1]:.6g} s from row {index} "
+            f"({time[index - 1]:.9g} s) to row {index + 1} ({time[index]:.9g} s), expected steps of about {median:.6g} "
+            f"s; cut the recording there into two trials, fill in the missing rows, or, where a CPG drives the fish, "
+            f"say gaps = true in its entry ({wide.size} gaps in the file)"
         )
 
 
@@ -123,8 +122,8 @@ def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
         index, joint = int(far[0, 0]), int(far[0, 1])
         header = columns.header(columns.joint(joint + 1))
         raise InputError(
-            f"{row_name(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a turn, "
-            "expected radians; if these are degrees, multiply by pi/180"
+            f"{columns.row_name(path, index)}, column '{header}': {angle[index, joint]:g} rad is more than half a "
+            "turn, expected radians; if these are degrees, multiply by pi/180"
         )
     if len(time) < _FEWEST:
         raise InputError(
@@ -140,7 +139,7 @@ def check_angles(time: FloatArray, angle: FloatArray, path: Path) -> None:
     wide = np.flatnonzero(np.diff(time) > limit)
     if wide.size:
         raise InputError(
-            f"{row_name(path, int(wide[0]) + 1)}: no joint angles from {time[wide[0]]:.6g} to "
+            f"{columns.row_name(path, int(wide[0]) + 1)}: no joint angles from {time[wide[0]]:.6g} to "
             f"{time[wide[0] + 1]:.6g} s, expected gaps of {limit:.3g} s at most, a quarter of a beat; cut the run "
             f"there into two trials ({wide.size} gaps are like this)"
         )
@@ -153,12 +152,14 @@ def longest_gap(time: FloatArray, angle: FloatArray) -> float:
     return max(longest, _STEPS * float(np.median(np.diff(time))))
 
 
-def check_segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> None:
-    """Refuse a drive that the CPG of the fish cannot follow.
+def check_cpg(time: FloatArray, drive: tuple[DriveSegment, ...], fish: Fish, path: Path, key: str) -> None:
+    """Refuse a drive that the CPG of the fish cannot follow, and a recording that does not fit it in time.
 
     Args:
+        time: (n,) checked by `check_times` [s].
         drive: one segment or more.
         fish: driven.
+        path: the file, for messages.
         key: of the drive in its file, for messages.
     """
     if fish.cpg is None:
@@ -183,19 +184,7 @@ def check_segments(drive: tuple[DriveSegment, ...], fish: Fish, key: str) -> Non
                 f"{key}.{number}.start: {here.start:g} s is not after the {before.start:g} s of the segment before, "
                 "expected increasing starts; sort the segments"
             )
-
-
-def check_cpg_time(time: FloatArray, drive: tuple[DriveSegment, ...], path: Path, key: str) -> None:
-    """Refuse a recording that does not fit its CPG drive in time.
-
-    Args:
-        time: (n,) checked by `check_times` [s].
-        drive: checked by `check_segments`.
-        path: the file, for messages.
-        key: of the drive in its file, for messages.
-    """
-    _check_start(time, "the CPG", path)
-    _check_beat(time, 2.0 * math.pi / drive[0].omega, f"omega = {drive[0].omega:g} rad/s", path)
+    _check_span(time, 2.0 * math.pi / drive[0].omega, f"omega = {drive[0].omega:g} rad/s", path, "the CPG")
     if drive[-1].start >= time[-1]:
         raise InputError(
             f"{key}.{len(drive)}.start: {drive[-1].start:g} s is not before the end of {path} at {time[-1]:g} s; "
@@ -212,26 +201,23 @@ def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
         path: the file, for messages.
         key: of the drive in its file, for messages.
     """
-    if wave.ramp > 0.0:
-        _check_start(time, "a wave with a ramp", path)
     far = [number for number, angle in enumerate(wave.amplitude, start=1) if abs(angle) > np.pi]
     if far:
         raise InputError(
             f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
             "radians; if these are degrees, multiply by pi/180"
         )
-    _check_beat(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path)
+    starting = "a wave with a ramp" if wave.ramp > 0.0 else ""
+    _check_span(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path, starting)
 
 
-def _check_start(time: FloatArray, what: str, path: Path) -> None:
-    if time[0] < 0.0:
+def _check_span(time: FloatArray, period: float, stated: str, path: Path, starting: str) -> None:
+    """Refuse times without one beat, and times before 0 s, where something is `starting`."""
+    if starting and time[0] < 0.0:
         raise InputError(
-            f"{row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for {what} starts at "
-            "0 s; remove the rows before, or shift the times"
+            f"{columns.row_name(path, 0)}, column 'time [s]': {time[0]:g} s, expected 0 s or later, for {starting} "
+            "starts at 0 s; remove the rows before, or shift the times"
         )
-
-
-def _check_beat(time: FloatArray, period: float, stated: str, path: Path) -> None:
     # One step more: the samples of one whole beat span a step less than the beat.
     if time[-1] - time[0] + float(np.median(np.diff(time))) < (1.0 - 1e-9) * period:
         raise InputError(
@@ -247,7 +233,7 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
         first = int(outside[0])
         x, y = pose[first, :2]
         raise InputError(
-            f"{row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{columns.row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
             f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
 

@@ -11,19 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from mjfish import fish as fishes
-from mjfish.data import columns, dataset_toml, error_modes
-from mjfish.data.cells import check_finite
+from mjfish.data import columns, dataset_toml
 from mjfish.data.dataset_toml import Bounds, DatasetTable
-from mjfish.data.read import build_trial
-from mjfish.data.read_sensor import build_sensor
+from mjfish.data.read import build_sensor, build_trial
 from mjfish.data.sensor import Sensor
 from mjfish.data.tables import write_table
-from mjfish.data.trial import Dataset, Trial
+from mjfish.data.trial import Dataset, Trial, errors_to_columns
 from mjfish.errors import InputError, MjfishError, located
 from mjfish.errors.arguments import checked
 from mjfish.files import tomlfile, writing
 from mjfish.files.plain_data import plain
-from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.fish import Fish, fish_text, load_fish
 from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.arrays import FloatArray
 from mjfish.parameters import Parameter
@@ -61,8 +59,7 @@ def save(
     folder = Path(folder).resolve()
     raw = _raw(dataset, suffix)
     tables = _validated(dataset, raw)
-    printable = ("".join(c if c.isprintable() else " " for c in line) for line in comments)
-    head = "\n".join([MARK, *(f"# {line}" for line in printable)])
+    printable = ("# " + "".join(c if c.isprintable() else " " for c in line) for line in comments)
     stale = _replaceable(folder)
     partial = folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:8]}.partial")
     try:
@@ -70,8 +67,8 @@ def save(
         for file, table in tables.items():
             write_table(partial / file, {columns.header(name): values for name, values in table.items()})
         if raw["fish"] == _FISH_FILE:
-            (partial / _FISH_FILE).write_text(fish_toml.text(dataset.fish), encoding="utf-8")
-        (partial / dataset_toml.FILE).write_text(f"{head}\n{tomlfile.text(raw)}", encoding="utf-8")
+            (partial / _FISH_FILE).write_text(fish_text(dataset.fish), encoding="utf-8")
+        (partial / dataset_toml.FILE).write_text("\n".join([MARK, *printable, tomlfile.text(raw)]), encoding="utf-8")
         _publish(partial, folder, stale)
     except (OSError, UnicodeEncodeError) as error:
         raise InputError(f"{folder}: the dataset cannot be written: {error}; choose another place") from None
@@ -171,7 +168,7 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             own, key = _columns(trial), f"{file}: trials.{number}"
             tables[str(entry.file)] = own
             for name, values in own.items():
-                check_finite(values, Path(str(entry.file)), f"column '{columns.header(name)}'")
+                columns.check_finite(values, Path(str(entry.file)), f"column '{columns.header(name)}'")
             sensors = []
             for place, (told, sensor) in enumerate(zip(entry.sensors, trial.sensors, strict=True), start=1):
                 tables[told.file] = dict(zip(("time", *sensor.channels), (sensor.time, *sensor.values.T), strict=True))
@@ -179,7 +176,7 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
                 sensors.append(build_sensor(told, tables[told.file], dataset.fish, source, f"{key}.sensors.{place}"))
             build_trial(entry, own, dataset.fish, Path(str(entry.file)), key, trial.tank, sensors)
             if entry.errors is not None:
-                tables[entry.errors] = error_modes.to_columns(trial)
+                tables[entry.errors] = errors_to_columns(trial)
     return tables
 
 

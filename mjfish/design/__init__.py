@@ -3,8 +3,7 @@
 from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question, load_fitted_models
 from mjfish.design.information import Separation, excluded, separations
 from mjfish.design.menu import Menu, Run
-from mjfish.design.next_run import write_next_run
-from mjfish.design.planning import Option, Pair, Plan, plan
+from mjfish.design.planning import Option, Pair, Plan, plan, write_next_run
 
 __all__ = [
     "FittedModels",

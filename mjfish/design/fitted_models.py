@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from mjfish.data import Dataset
-from mjfish.data.filters import restored_filter
+from mjfish.data.trial import restored_filter
 from mjfish.diagnosis import Diagnosis, DiagnosisData, FittedModel, load_diagnosis
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.refit import guesses, off_null

@@ -152,18 +152,27 @@ def jacobians(problem: Problem, x: FloatArray, names: Collection[str]) -> tuple[
 
 
 @dataclass(frozen=True, eq=False)
-class Detection:
+class _OnMenu:
+    """Information of the data, and of every run of a menu; None of a run in which a model diverges."""
+
+    data: Information
+    runs: tuple[Information | None, ...]
+
+    def with_run(self, run: int | None) -> Information:
+        """Return the information of the data, with that of a run more."""
+        added = None if run is None else self.runs[run]
+        return self.data if added is None else self.data + added
+
+
+@dataclass(frozen=True, eq=False)
+class Detection(_OnMenu):
     """Information on the nominal model's parameters and the causes' amplitudes: of the data, and of every run.
 
     Attributes:
         amplitudes: of every cause.
-        data: of the data.
-        runs: of every run; None of a run in which the model diverges.
     """
 
     amplitudes: dict[str, tuple[Parameter, ...]]
-    data: Information
-    runs: tuple[Information | None, ...]
 
     def sizes(self, cause: str, run: int | None = None) -> dict[str, float]:
         """Return the minimum detectable effect of each amplitude: sqrt(18 (I^-1)_jj), I = S'S - S'J (J'J)^+ J'S.
@@ -183,8 +192,7 @@ class Detection:
 
     def _remaining_information(self, amplitudes: Sequence[Parameter], run: int | None) -> tuple[FloatArray, FloatArray]:
         """Return S'S - S'J (J'J)^+ J'S (d, d) of some amplitudes, and the diagonal (d,) of S'S."""
-        added = None if run is None else self.runs[run]
-        sums = self.data if added is None else self.data + added
+        sums = self.with_run(run)
         own = [sums.names.index(p.name) for p in amplitudes]
         others = {p.name for every in self.amplitudes.values() for p in every}
         theta = [i for i, name in enumerate(sums.names) if name not in others]
@@ -230,20 +238,18 @@ NO_GAIN = Gain(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Separation:
+class Separation(_OnMenu):
     """Two rivals on the data and on every run of a menu.
+
+    `data` and `runs` have J = [J_k, J_l] and d = eta_k - eta_l, columns named by `mjfish.design.information.column`.
 
     Attributes:
         rivals: their names (k, l).
         margin: SSE_l - SSE_k on the data.
-        data: J = [J_k, J_l] and d = eta_k - eta_l, columns named by `mjfish.design.information.column`.
-        runs: the same of every run; None of a run in which a rival diverges.
     """
 
     rivals: tuple[str, str]
     margin: float
-    data: Information
-    runs: tuple[Information | None, ...]
 
     def noncentrality(self, run: int | None = None) -> float:
         """Return the smaller one of lambda_{k|l} and lambda_{l|k}, of the data and of the data with a run more."""
@@ -251,7 +257,7 @@ class Separation:
 
     def noncentrality_of(self, truth: str, run: int | None = None) -> float:
         """Return lambda where one of the rivals is the truth."""
-        return self._with(run).of_rival(self._other(truth)).unexplained
+        return self.with_run(run).of_rival(self._other(truth)).unexplained
 
     def gain(self, truth: str, run: int | None) -> Gain:
         """Return what a run is expected to add to the margin where one of the rivals is the truth."""
@@ -267,10 +273,6 @@ class Separation:
     def probability_of(self, truth: str, run: int | None = None) -> float:
         """Return the probability of the right verdict where one of the rivals is the truth."""
         return verdict_probability(self.margin if truth == self.rivals[0] else -self.margin, self.gain(truth, run))
-
-    def _with(self, run: int | None) -> Information:
-        added = None if run is None else self.runs[run]
-        return self.data if added is None else self.data + added
 
     def _other(self, rival: str) -> str:
         return self.rivals[1] if rival == self.rivals[0] else self.rivals[0]

@@ -1,29 +1,42 @@
-"""The plan of the next experiment: runs and calibrations ranked by what they would do for a question."""
+"""The plan of the next experiment: runs and calibrations ranked by what they would do for a question.
+
+And a folder for the next run: a dataset that lacks one recording, the command to swim, a list of what to record.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import shutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from mjfish.data import Dataset
+from mjfish import fish as fishes
+from mjfish.data import Dataset, columns, write_table
+from mjfish.data.dataset_toml import FILE
 from mjfish.data.validation import check_velocities
 from mjfish.design.fitted_models import FittedModels, ModelEstimate, Question
 from mjfish.design.information import Detection, Separation, detection, separations
 from mjfish.design.menu import Menu, Run
 from mjfish.diagnosis import Diagnosis, diagnose
 from mjfish.diagnosis.evidence import DETECTED
+from mjfish.drive import cpg as hopf
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Causes, Effect, catalogue, find, of_fish
 from mjfish.effects.calibration import CALIBRATIONS, DOMAINS, Calibration
 from mjfish.errors import InputError
 from mjfish.execution import executing
 from mjfish.execution.progress import Progress, part, silent
+from mjfish.files import tomlfile
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import Result
+from mjfish.files.writing import new_folder
+from mjfish.fish import Cpg, fish_text, load_fish
+from mjfish.fish.frames import CHANNELS
+from mjfish.ode.rollout import STEP
 from mjfish.parameters import Parameter
 
 #: Below this probability of a verdict a run is not said to decide; above it the data are said to decide already.
@@ -235,16 +248,15 @@ def _planned(known: FittedModels, question: Question, menu: Menu, progress: Prog
     tried = _causes(known, question)
     question = replace(question, names=tuple(effect.name for effect in tried))
     runs = menu.runs(known.dataset)
-    options: tuple[Option, ...]
     if question.purpose == "separate":
         models = known.estimates(tried, progress)
         progress("trying the runs of the menu", 0.5)
         pairs = separations(models, runs)
-        options = (*_calibrations(tried, pairs), *_separating(pairs, _sizes(models), runs, menu.pause))
+        options = _ranked(_calibrations(tried, pairs)) + _ranked(_separating(pairs, _sizes(models), runs, menu.pause))
     else:
         models = known.estimates((), progress)
         progress("trying the runs of the menu", 0.5)
-        options = _revealing(detection(models[0], tried, runs), tried, runs, menu.pause)
+        options = _ranked(_revealing(detection(models[0], tried, runs), tried, runs, menu.pause))
     progress("done", 1.0)
     converged = all(model.converged for model in models)
     return Plan(
@@ -284,20 +296,26 @@ def _causes(known: FittedModels, question: Question) -> tuple[Effect, ...]:
     return found
 
 
+def _ranked(options: Iterable[Option]) -> tuple[Option, ...]:
+    return tuple(sorted(options, key=lambda option: -option.worth))
+
+
+def _of_run(run: Run, pause: float, gain: float, pairs: tuple[Pair, ...], told: tuple[Isolated, ...]) -> Option:
+    """Return a run as an option, worth its gain a second."""
+    seconds = run.seconds + pause
+    return Option("run", run.name, run.about, seconds, gain / seconds, pairs, run.trial.drive, run, told)
+
+
 def _separating(
     pairs: Sequence[Separation], sizes: Mapping[str, tuple[Parameter, float]], runs: Sequence[Run], pause: float
-) -> list[Option]:
-    """Rank runs by the smallest gain of lambda of any pair a second."""
-    options = []
+) -> Iterator[Option]:
+    """Yield the runs, worth the smallest gain of lambda of any pair a second."""
     for i, run in enumerate(runs):
         if any(pair.runs[i] is None for pair in pairs):
             continue
         effects = tuple(_pair(pair, i) for pair in pairs)
-        seconds = run.seconds + pause
-        worth = min(pair.after - pair.now for pair in effects) / seconds
         told = tuple(_hardest(rival, *size, pairs, i) for rival, size in sizes.items())
-        options.append(Option("run", run.name, run.about, seconds, worth, effects, run.trial.drive, run, told))
-    return sorted(options, key=lambda option: -option.worth)
+        yield _of_run(run, pause, min(pair.after - pair.now for pair in effects), effects, told)
 
 
 def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]]:
@@ -327,9 +345,8 @@ def _pair(pair: Separation, run: int | None) -> Pair:
     return Pair(*pair.rivals, pair.noncentrality(), pair.noncentrality(run), pair.probability(), pair.probability(run))
 
 
-def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list[Option]:
-    """Return the calibrations that settle a pair, those that settle most first, then the quickest."""
-    options = []
+def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> Iterator[Option]:
+    """Yield the calibrations that settle a pair, the quickest first, worth as many as they settle."""
     for calibration in CALIBRATIONS:
         names = {effect.name for effect in rivals if calibration_of(effect) == calibration}
         if not names:
@@ -342,8 +359,7 @@ def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> list
         )
         about = f"{calibration.about}: measures {', '.join(sorted(names))} directly"
         worth = float(sum(pair.settled for pair in done))
-        options.append(Option("calibration", calibration.name, about, 0.0, worth, done))
-    return sorted(options, key=lambda option: -option.worth)
+        yield Option("calibration", calibration.name, about, 0.0, worth, done)
 
 
 def calibration_of(effect: Effect) -> Calibration | None:
@@ -351,8 +367,8 @@ def calibration_of(effect: Effect) -> Calibration | None:
     return effect.calibration or DOMAINS.get(effect.domain)
 
 
-def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> tuple[Option, ...]:
-    """Rank runs by what shrinks least, in -log a second: of the minimum detectable effects, and of the isolability."""
+def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], pause: float) -> Iterator[Option]:
+    """Yield the runs, worth what shrinks least, in -log: of the minimum detectable effects, and of the isolability."""
     formulas = [cause for cause in causes if not cause.learned] or causes  # a number of a curve is not seen alone
     now = {cause.name: found.sizes(cause.name) for cause in formulas}
     best = {
@@ -361,7 +377,6 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
         if np.all(np.isfinite(list(sizes.values())))
     }
     apart = found.isolability(causes)
-    options = []
     for i, run in enumerate(runs):
         if found.runs[i] is None or not best:
             continue
@@ -371,20 +386,20 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
             Isolated(apart.amplitudes[k], apart.mechanisms[l], apart.units[k], apart.sizes[k][l], after.sizes[k][l])
             for k, l in apart.hardest(_HARDEST)  # noqa: E741 - the equation's
         )
-        seconds = run.seconds + pause
         gain = min(float(np.log(pair.now / pair.after)) for pair in pairs)
-        worth = (gain + min((pair.gain for pair in told), default=0.0)) / seconds
-        options.append(Option("run", run.name, run.about, seconds, worth, pairs, run.trial.drive, run, told))
-    return tuple(sorted(options, key=lambda option: -option.worth))
+        yield _of_run(run, pause, gain + min((pair.gain for pair in told), default=0.0), pairs, told)
 
 
 def _remarks(dataset: Dataset, options: Sequence[Option]) -> tuple[str, ...]:
-    remarks = []
-    if dataset.fish.cpg is None:
-        remarks.append("the fish has no CPG: the menu has repeats of its trials only; name a fish with [cpg] for more")
-    if any(option.run is not None and option.run.repeat for option in options):
-        remarks.append("repeats measure the noise; what they do here is in the table")
-    return tuple(remarks)
+    remarks = {
+        "the fish has no CPG: the menu has repeats of its trials only; name a fish with [cpg] for more": (
+            dataset.fish.cpg is None
+        ),
+        "repeats measure the noise; what they do here is in the table": (
+            any(option.run is not None and option.run.repeat for option in options)
+        ),
+    }
+    return tuple(remark for remark, applies in remarks.items() if applies)
 
 
 def _message(question: Question, options: Sequence[Option]) -> str:
@@ -429,3 +444,102 @@ def percent(probability: float) -> str:
     if math.isnan(probability):
         return ""
     return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"
+
+
+#: Samples a second of the command.
+_RATE = 100.0
+_FISH = "fish.toml"
+_LIST = "RECORD.md"
+
+
+def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
+    """Write what the best run of a plan needs, whole or not at all.
+
+    ``dataset.toml`` names the recordings that are there, which are copied, and the one to come, `NAME.csv` beside it:
+    once that is measured, the folder is the dataset to diagnose again. ``NAME.command.csv`` has the joint angles to be
+    driven, ``RECORD.md`` says what to do and what to record.
+
+    Args:
+        dataset: that the plan is for; read from files.
+        plan: with a run driven by a CPG.
+        folder: absent or empty.
+
+    Returns:
+        The dataset.toml.
+
+    Raises:
+        InputError: there is no such run, the dataset was not read from files, or the folder cannot be written.
+    """
+    run = next((option.run for option in plan.runs if option.run is not None and option.drive), None)
+    if run is None or dataset.fish.cpg is None:
+        raise InputError(f"{dataset.name}: the plan has no run that a CPG drives, so there is no drive to write")
+    if dataset.source is None:
+        raise InputError(
+            f"{dataset.name}: was not read from a dataset.toml, which the new one is made from; save it first"
+        )
+    folder = folder.resolve()
+    raw = tomlfile.table(dataset.source)
+    shipped = raw["fish"] in fishes.shipped()
+    own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
+    with new_folder(folder) as partial:
+        if not shipped:
+            raw["fish"] = _FISH
+            (partial / _FISH).write_text(fish_text(own_fish), encoding="utf-8")
+        for name in _files(raw["trials"]):
+            (partial / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(dataset.source.parent / name, partial / name)
+        raw["trials"] = _trials(raw["trials"], dataset, run)
+        (partial / FILE).write_text(tomlfile.text(raw), encoding="utf-8")
+        (partial / _LIST).write_text("\n".join(_record_list(plan, run)) + "\n", encoding="utf-8")
+        write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
+    return folder / FILE
+
+
+def _files(entries: list[dict[str, Any]]) -> set[str]:
+    """Return the names of all files of trials."""
+    told = [*entries, *(sensor for entry in entries for sensor in entry.get("sensors", ()))]
+    return {table[key] for table in told for key in ("file", "errors") if key in table}
+
+
+def _trials(entries: list[dict[str, Any]], dataset: Dataset, run: Run) -> list[dict[str, Any]]:
+    """Return old and new trials, every role written out: a trial more would else move the split."""
+    _, held = dataset.split()
+    for entry, trial in zip(entries, dataset.trials, strict=True):
+        entry["role"] = "held_out" if trial in held else "fit"
+    drive = [{"start": s.start, "omega": s.omega, "bias": list(s.bias)} for s in run.trial.drive]
+    return [*entries, {"name": run.name, "file": f"{run.name}.csv", "role": "fit", "drive": drive}]
+
+
+def _command(cpg: Cpg, run: Run) -> dict[str, Any]:
+    end = float(run.trial.time[-1])
+    time = np.arange(int(np.floor(end * _RATE + 1e-9)) + 1) / _RATE
+    angle = hopf.joint_motion(cpg, run.trial.drive, end, STEP).angle_at(time)
+    joints = {columns.header(columns.joint(j + 1)): angle[:, j] for j in range(angle.shape[1])}
+    return {columns.header("time"): time, **joints}
+
+
+def _record_list(plan: Plan, run: Run) -> Sequence[str]:
+    interval = run.trial.step
+    lines = [f"# {run.name}", "", plan.question.why, plan.message, ""]
+    if plan.calibrations:
+        lines += ["## Before swimming", ""]
+        lines += [f"- [ ] {option.name}: {option.about}" for option in plan.calibrations]
+        lines += [""]
+    lines += ["## Swim", "", "- [ ] Let the water come to rest; the fish lies still, straight, nose along +x."]
+    for segment in run.trial.drive:
+        bias = ", ".join(f"{b:.3g}" for b in segment.bias)
+        lines.append(f"- [ ] At {segment.start:.3g} s: omega {segment.omega:.4g} rad/s, bias {bias}.")
+    lines += [
+        f"- [ ] Stop at {run.trial.time[-1]:.4g} s. The joint angles are in `{run.name}.command.csv`.",
+        "",
+        f"## Record, in `{run.name}.csv`",
+        "",
+        f"- [ ] Every {interval:.4g} s from 0 s on, the drive's start: columns "
+        + ", ".join(f"`{columns.header(name)}`" for name in ("time", *CHANNELS))
+        + ".",
+        "- [ ] The same camera, markers and clock as in the runs before; of the nose, x forward, y to port, z up.",
+        f"- [ ] If the camera tracks it: {', '.join(f'`{columns.header(name)}`' for name in columns.POSE)}.",
+        "",
+        "Then `mjfish diagnose` this folder.",
+    ]
+    return lines

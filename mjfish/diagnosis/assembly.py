@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.looking import SMOOTHED, for_looking
+from mjfish.data.trial import SMOOTHED, for_looking
 from mjfish.diagnosis.begun import Begun
 from mjfish.diagnosis.compared import Compared, outlying_run_finding
 from mjfish.diagnosis.conclusion import Conclusion

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mjfish.data.looking import for_looking
+from mjfish.data.trial import for_looking
 from mjfish.estimation import Noise, Problem
 from mjfish.estimation.noise_of_fit import noise_sample, state_jacobians
 from mjfish.files.plain_data import fields_of

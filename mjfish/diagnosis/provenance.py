@@ -18,7 +18,7 @@ import numpy as np
 
 from mjfish.data import Dataset
 from mjfish.effects import Effect
-from mjfish.fish import fish_toml
+from mjfish.fish import fish_text
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -38,7 +38,7 @@ def provenance(dataset: Dataset, candidates: Sequence[Effect], seed: int) -> dic
         "python": platform.python_version(),
         "commit": _commit(),
         "seed": seed,
-        "fish": hashlib.sha256(fish_toml.text(dataset.fish).encode()).hexdigest(),
+        "fish": hashlib.sha256(fish_text(dataset.fish).encode()).hexdigest(),
         "inputs": {
             name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in inputs.items() if path.is_file()
         },

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from mjfish.data.filters import Filter
+from mjfish.data.trial import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.refit import (

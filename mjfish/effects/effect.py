@@ -121,7 +121,7 @@ class Effect(ABC):
 
     def moves_joints(self, trial: Trial) -> bool:
         """Return whether this effect stands between the angles of `trial` and its joints."""
-        return self.domain == "drive" and (not trial.joints_measured or (self.of_sensors and trial.joints_have_sensors))
+        return self.domain == "drive" and (not trial.joints_measured or (self.of_sensors and trial.errors is None))
 
     def not_applicable(self, dataset: Dataset) -> str:
         """Say why `dataset` cannot show this effect; empty where it can."""

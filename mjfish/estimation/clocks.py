@@ -13,7 +13,7 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers.smoothing import beat_frequency
-from mjfish.data.looking import for_looking
+from mjfish.data.trial import for_looking
 from mjfish.drive.walk import count
 from mjfish.errors import InputError
 from mjfish.fish.frames import CHANNELS

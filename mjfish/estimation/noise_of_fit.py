@@ -7,7 +7,7 @@ the rollout: its state Jacobian A and its input Jacobian B,
     dv' = A(t) dv + B(t) (dq, dq', dq''),  h = v_m - dv    errors in variables (`mjfish.noise.errors_in_variables`)
 
 with (v_m, dq) a mode of the errors of velocities and joint angles that came out of one smoother
-(`mjfish.data.error_modes`). Where the record does not come with its errors, v_m = 0, and every joint has white errors
+(`mjfish.data.trial`). Where the record does not come with its errors, v_m = 0, and every joint has white errors
 of the size that its smoothing left over, smoothed as the angles were (`mjfish.drive.measured.smoothing`).
 """
 
@@ -23,7 +23,7 @@ from scipy import fft
 from scipy.interpolate import BSpline, make_interp_spline
 
 from mjfish.data import Trial
-from mjfish.data.filters import Differentiator, Filter
+from mjfish.data.trial import Differentiator, Filter
 from mjfish.drive.measured import Smoothing, smoothing
 from mjfish.effects import Effect
 from mjfish.estimation.fit import Fit

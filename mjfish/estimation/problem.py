@@ -11,7 +11,7 @@ import numpy as np
 
 from mjfish.data import Sensor, Trial, columns
 from mjfish.data.columns import POSE
-from mjfish.data.filters import Filter
+from mjfish.data.trial import Filter
 from mjfish.effects.effect import Effect
 from mjfish.estimation import clocks
 from mjfish.execution import check_time, mapped

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
 from mjfish.errors import InputError
 from mjfish.files import size_limited
@@ -19,6 +19,25 @@ class Table(BaseModel):
     """A TOML table: unknown keys and non-finite numbers are refused, the result is frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+
+
+def required(condition: Callable[[Any], bool], message: str) -> AfterValidator:
+    """Return a validator that refuses values without a condition; the message may show the value as ``{0}``."""
+    return AfterValidator(_refusing(condition, message))
+
+
+def consistent(condition: Callable[[Any], bool], message: str) -> Any:
+    """Return a validator, for an attribute of a model, that refuses tables as `required` refuses values."""
+    return model_validator(mode="after")(_refusing(condition, message))
+
+
+def _refusing(condition: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
+    def checked(value: Any) -> Any:
+        if not condition(value):
+            raise ValueError(message.format(value))
+        return value
+
+    return checked
 
 
 T = TypeVar("T", bound=BaseModel)

@@ -11,9 +11,11 @@ from mjfish.fish.fish import (
     NotNegative,
     Section,
     Servo,
+    fish_text,
     load_fish,
     read,
     shipped,
+    write_fish,
 )
 
 __all__ = [
@@ -27,7 +29,9 @@ __all__ = [
     "NotNegative",
     "Section",
     "Servo",
+    "fish_text",
     "load_fish",
     "read",
     "shipped",
+    "write_fish",
 ]

@@ -10,7 +10,6 @@ import numpy as np
 
 from mjfish.fish import Fish
 from mjfish.fish.outline import outlines, section_at
-from mjfish.numerics.arrays import FloatArray
 
 #: Mass over that of the displaced water below and above which a fish, or a link, is odd.
 _FISH, _LINK = (0.8, 1.25), (0.15, 6.0)
@@ -22,27 +21,17 @@ _WATER = 30.0
 
 @dataclass(frozen=True)
 class LinkSummary:
-    """One link.
+    """What follows of one link from its section and the fish.
 
     Attributes:
-        name, group: of the link.
-        length, width: of the link, and of its widest section [m].
-        mass: [kg].
+        width: of its widest section [m].
         displaced: mass of the water that it displaces [kg].
-        com: distance of the centre of mass from its front [m].
-        inertia: about the centre of mass [kg m2].
         added: added mass across at the fish's c_m [kg].
         added_inertia: added inertia about the front joint at the fish's c_m [kg m2].
     """
 
-    name: str
-    group: str
-    length: float
     width: float
-    mass: float
     displaced: float
-    com: float
-    inertia: float
     added: float
     added_inertia: float
 
@@ -75,40 +64,33 @@ def summarise(fish: Fish, columns: int = 72) -> BodySummary:
         >>> import mjfish
         >>> from mjfish.fish.body_summary import summarise
         >>> found = summarise(mjfish.load_fish("pike"))
-        >>> [f"{link.displaced:.2f}" for link in found.links]
+        >>> [f"{own.displaced:.2f}" for link in found.links]
         ['1.46', '0.31', '0.23', '0.16', '0.08']
     """
-    links = []
-    for link, outline in zip(fish.links, outlines(fish), strict=True):
-        c_m = fish.values[f"c_m.{link.group}"]
-        links.append(
-            LinkSummary(
-                name=link.name,
-                group=link.group,
-                length=link.length,
-                width=float(outline.strip_width.max()),
-                mass=link.mass,
-                displaced=fish.density * outline.volume,
-                com=link.com,
-                inertia=link.inertia,
-                added=c_m * float(outline.added[0]),
-                added_inertia=c_m * float(outline.added[2]),
-            )
+    parts = [(fish.values[f"c_m.{link.group}"], own) for link, own in zip(fish.links, outlines(fish), strict=True)]
+    links = tuple(
+        LinkSummary(
+            width=float(own.strip_width.max()),
+            displaced=fish.density * own.volume,
+            added=c_m * float(own.added[0]),
+            added_inertia=c_m * float(own.added[2]),
         )
-    return BodySummary(tuple(links), tuple(_odd(fish, links)), tuple(_drawing(fish, columns)))
+        for c_m, own in parts
+    )
+    return BodySummary(links, tuple(_odd(fish, links)), tuple(_drawing(fish, columns)))
 
 
-def _odd(fish: Fish, links: list[LinkSummary]) -> Iterator[str]:
-    mass, displaced = sum(link.mass for link in links), sum(link.displaced for link in links)
+def _odd(fish: Fish, links: tuple[LinkSummary, ...]) -> Iterator[str]:
+    mass, displaced = sum(link.mass for link in fish.links), sum(own.displaced for own in links)
     if not _FISH[0] <= mass / displaced <= _FISH[1]:
         yield (
             f"The fish weighs {mass:.3g} kg and displaces {displaced:.3g} kg of water: it would "
             f"{'sink' if mass > displaced else 'float'}. Check masses, heights and widths."
         )
-    for link in links:
-        if not _LINK[0] <= link.mass / link.displaced <= _LINK[1]:
+    for link, own in zip(fish.links, links, strict=True):
+        if not _LINK[0] <= link.mass / own.displaced <= _LINK[1]:
             yield (
-                f"{link.name} weighs {link.mass:.3g} kg and displaces {link.displaced:.3g} kg of water. "
+                f"{link.name} weighs {link.mass:.3g} kg and displaces {own.displaced:.3g} kg of water. "
                 "Check its mass and its sections."
             )
         if not 0.0 <= link.com <= link.length:
@@ -116,15 +98,15 @@ def _odd(fish: Fish, links: list[LinkSummary]) -> Iterator[str]:
                 f"The centre of mass of {link.name} is {link.com:.3g} m behind its front, its length is "
                 f"{link.length:.3g} m. Check com: it is measured from the front joint."
             )
-        block = link.mass * (link.length**2 + link.width**2) / 12.0
+        block = link.mass * (link.length**2 + own.width**2) / 12.0
         if not _INERTIA[0] <= link.inertia / block <= _INERTIA[1]:
             yield (
                 f"The inertia of {link.name} is {link.inertia:.3g} kg m2, that of a block of its mass and size "
                 f"{block:.3g}. Check it: it is about the centre of mass."
             )
-        if link.added > _WATER * link.mass:
+        if own.added > _WATER * link.mass:
             yield (
-                f"{link.name} moves {link.added:.3g} kg of water with it and weighs {link.mass:.3g} kg. "
+                f"{link.name} moves {own.added:.3g} kg of water with it and weighs {link.mass:.3g} kg. "
                 "Check its height and its mass."
             )
     fin = max(fish.sections[-1].width)
@@ -147,10 +129,5 @@ def _drawing(fish: Fish, columns: int) -> Iterator[str]:
     joints = {int(s / width) for s in itertools.accumulate(link.length for link in fish.links[:-1])}
     rows = int(np.ceil(0.5 * float(height.max()) / (2.0 * width) - 0.5))
     for row in range(-rows, rows + 1):
-        yield "".join(_letter(height, column, row * 2.0 * width, joints, width) for column in range(columns)).rstrip()
-
-
-def _letter(height: FloatArray, column: int, place: float, joints: set[int], width: float) -> str:
-    """Return the letter at a column and a place above the axis [m]."""
-    inside = abs(place) <= max(0.5 * float(height[column]), width)
-    return ("|" if column in joints else "#") if inside else " "
+        inside = abs(row * 2.0 * width) <= np.maximum(0.5 * height, width)
+        yield "".join(("|" if at in joints else "#") if shown else " " for at, shown in enumerate(inside)).rstrip()

@@ -1,12 +1,16 @@
-"""The fish: links, masses, outline, hydrodynamic coefficients. Read from TOML; `fishes` has shipped ones."""
+"""The fish: links, masses, outline, hydrodynamic coefficients.
+
+Read from TOML and written to it, as the same fish to the last bit; `fishes` has shipped ones.
+"""
 
 from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,10 +25,9 @@ from pydantic import (
 )
 
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.files import tomlfile
+from mjfish.files import tomlfile, writing
 from mjfish.files.checksummed_json import digest
-from mjfish.files.tomlfile import Table, complaining
-from mjfish.files.writing import exists
+from mjfish.files.tomlfile import Table, complaining, consistent
 from mjfish.fish import parameter_priors
 from mjfish.fish.parameter_priors import FishParameterPrior
 from mjfish.parameters import Parameter
@@ -72,11 +75,10 @@ class Section(Table):
     height: Ends
     width: Ends
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Section:
-        if self.end <= self.start:
-            raise ValueError(f"a section must end ('to' = {self.end:g}) behind its start ('from' = {self.start:g})")
-        return self
+    _ordered = consistent(
+        lambda own: own.end > own.start,
+        "a section must end ('to' = {0.end:g}) behind its start ('from' = {0.start:g})",
+    )
 
 
 class Link(Table):
@@ -301,8 +303,10 @@ class Fish(Table):
                     raise ValueError(f"coefficients.{kind} has no '{group}', a group of the links; add it")
             for group in given:
                 if group not in self.groups:
-                    known = ", ".join(self.groups)
-                    raise ValueError(f"coefficients.{kind}.{group}: no link is of this group; the links have {known}")
+                    raise ValueError(
+                        f"coefficients.{kind}.{group}: no link is of this group; the links have "
+                        f"{', '.join(self.groups)}"
+                    )
 
     def _check_outline(self) -> None:
         if self.sections[0].start != 0.0:
@@ -338,30 +342,35 @@ class Fish(Table):
         """The groups of links that share coefficients, nose first."""
         return tuple(dict.fromkeys(link.group for link in self.links))
 
+    @property
+    def _coefficients(self) -> dict[str, Coefficient]:
+        return {
+            f"{kind}.{group}": getattr(self.coefficients, kind).root[group] for kind in KINDS for group in self.groups
+        }
+
     @functools.cached_property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
-        return tuple(f"{kind}.{group}" for kind in KINDS for group in self.groups)
+        return tuple(self._coefficients)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients as declared parameters, in the order of `coefficient_names`."""
-        return tuple(self._parameter(name) for name in self.coefficient_names)
-
-    def _parameter(self, name: str) -> Parameter:
-        entry = self._coefficient(name)
         try:
-            return Parameter(
-                name=name,
-                unit="-",
-                default=entry.value,
-                low=entry.low,
-                high=entry.high,
-                start=entry.start,
-                scale=max(0.1 * entry.start, 1e-3 * (entry.high - entry.low)),
-                about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
-                sd=entry.sd,
-                mean=entry.mean,
+            return tuple(
+                Parameter(
+                    name=name,
+                    unit="-",
+                    default=own.value,
+                    low=own.low,
+                    high=own.high,
+                    start=own.start,
+                    scale=max(0.1 * own.start, 1e-3 * (own.high - own.low)),
+                    about=f"{KINDS[name.partition('.')[0]]}, {name.partition('.')[2]}",
+                    sd=own.sd,
+                    mean=own.mean,
+                )
+                for name, own in self._coefficients.items()
             )
         except ParameterError as error:
             raise ValueError(f"coefficients.{error}") from None
@@ -402,15 +411,10 @@ class Fish(Table):
         changed = {"links": tuple(links), "sections": tuple(sections), "known": tuple(known), **own}
         return self.model_copy(update=changed)
 
-    def _coefficient(self, name: str) -> Coefficient:
-        kind, _, group = name.partition(".")
-        entry: Coefficient = getattr(self.coefficients, kind).root[group]
-        return entry
-
     @property
     def values(self) -> dict[str, float]:
         """The coefficients by name."""
-        return {name: self._coefficient(name).value for name in self.coefficient_names}
+        return {name: own.value for name, own in self._coefficients.items()}
 
     def with_coefficients(self, parameters: Mapping[str, Parameter]) -> Fish:
         """Return the fish with other declarations (value, start, bounds) for the named coefficients."""
@@ -479,8 +483,54 @@ def read(name_or_path: str | Path, relative_to: Path | None = None) -> tuple[Fis
     """Load a fish that effects may extend like `load_fish`; return the table ``effects`` too, as it stands."""
     known = shipped()
     path = known.get(str(name_or_path), (relative_to or Path()) / name_or_path)
-    if path.suffix.lower() != ".toml" and not exists(path):
+    if path.suffix.lower() != ".toml" and not writing.exists(path):
         raise UnknownNameError("fish", str(name_or_path), known, "or give the path of a fish TOML")
-    if not (exists(path) and path.is_file()):
+    if not (writing.exists(path) and path.is_file()):
         raise InputError(f"{path}: no such fish file; shipped fish: {', '.join(known)}")
     return _read(path.resolve(), path.stat().st_mtime_ns)
+
+
+def fish_text(
+    fish: Fish, comments: Sequence[str] = (), effects: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+) -> str:
+    """Return the fish as TOML.
+
+    Args:
+        fish: the fish.
+        comments: lines at the top, such as where the numbers come from.
+        effects: that extend it, by name, their parameters by short name (`mjfish.model.extended` reads them back).
+
+    Raises:
+        InputError: the fish breaks its own schema, so that it could not be read back.
+    """
+    table = fish.model_dump(by_alias=True)
+    if tomlfile.parse(table, Fish, f"fish '{fish.name}'") != fish:
+        raise InputError(f"fish '{fish.name}' holds values of types that TOML does not keep; build it by Fish(...)")
+    lines = [
+        f"# {line}".rstrip()
+        for comment in comments  # TOML forbids control characters in them
+        for line in "".join(c if c.isprintable() or c == "\n" else " " for c in comment).splitlines()
+    ]
+    return "\n".join([*lines, tomlfile.text({**table, "effects": effects} if effects else table)])
+
+
+def write_fish(
+    path: str | Path,
+    fish: Fish,
+    comments: Sequence[str] = (),
+    effects: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> None:
+    """Write the fish to the TOML file `path`, whole or not at all.
+
+    Args:
+        path: with the suffix ``.toml``, by which `mjfish.fish.load_fish` knows a file from a name.
+        fish: the fish.
+        comments: lines at the top.
+        effects: that extend it, as in `fish_text`.
+
+    Raises:
+        InputError: another suffix, the file cannot be written, or the fish could not be read back.
+    """
+    path = Path(path)
+    writing.check_suffix(path, ".toml")
+    writing.write_text(path, fish_text(fish, comments, effects))

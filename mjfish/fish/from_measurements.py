@@ -30,8 +30,12 @@ _WIDTH = 0.8
 _SWING, _SINGLE, _PHASE, _APART = (0.31, 0.46, 0.53, 0.67), 0.5, 3.67, 1.3
 #: Size of one unit of the oscillators' psi [rad].
 _UNIT = 0.1
-#: Value, sd, low and high of a coefficient by kind: plain-plate numbers of textbooks, how far they are trusted; no fit.
-_COEFFICIENTS = {"c_m": (0.8, 0.4, 0.01, 3.0), "c_d": (1.5, 1.0, 0.05, 20.0), "c_f": (0.01, 0.02, 1e-5, 1.0)}
+#: Coefficients by kind: plain-plate numbers of textbooks, how far they are trusted; no fit.
+_COEFFICIENTS = {
+    "c_m": Coefficient(value=0.8, sd=0.4, start=0.8, low=0.01, high=3.0),
+    "c_d": Coefficient(value=1.5, sd=1.0, start=1.5, low=0.05, high=20.0),
+    "c_f": Coefficient(value=0.01, sd=0.02, start=0.01, low=1e-5, high=1.0),
+}
 #: Damping of a servo over the least inertia of a link about its joint [1/s]: explicit integration is stable up to a
 #: step of 2 ms. Stiffness over damping [1/s].
 _DAMPED, _STIFF = 200.0, 400.0
@@ -89,7 +93,7 @@ def new_fish(
             "links": links,
             "sections": sections,
             "coefficients": Coefficients(
-                **{kind: ByGroup({group: _coefficient(kind) for group in groups}) for kind in _COEFFICIENTS}
+                **{kind: ByGroup(dict.fromkeys(groups, own)) for kind, own in _COEFFICIENTS.items()}
             ),
             "cpg": _oscillators(joints),
             "servo": Servo(kp=float(f"{_STIFF * damping:.3g}"), kv=float(f"{damping:.3g}")),
@@ -114,20 +118,18 @@ def _check(length: float, mass: float, joints: int, height: float, width: float)
 
 
 def _sections(length: float, height: float, width: float) -> tuple[Section, ...]:
-    found = []
-    start, before = 0.0, (0.0, 0.0)
-    for share, high, wide in _OUTLINE:
-        end, here = round(share * length, 6), (round(high * height, 6), round(wide * width, 6))
-        found.append(_section(start, end, (before[0], here[0]), (before[1], here[1])))
-        start, before = end, here
+    """Return the pieces of the outline, of which the first is a blunt nose and the last the fin."""
+    shares = ((0.0, 0.0, 0.0), *_OUTLINE)
+    corners = [(round(s * length, 6), round(high * height, 6), round(wide * width, 6)) for s, high, wide in shares]
+    pieces = [(a[0], b[0], (a[1], b[1]), (a[2], b[2])) for a, b in itertools.pairwise(corners)]
     fin = round(_THICKNESS * width, 6)
-    found.append(_section(start, length, (before[0], round(_FIN * height, 6)), (fin, fin)))
-    return tuple(found)
-
-
-def _section(start: float, end: float, height: tuple[float, float], width: tuple[float, float]) -> Section:
-    profile = "linear" if start else "elliptic"  # a blunt nose
-    return Section.model_validate({"from": start, "to": end, "profile": profile, "height": height, "width": width})
+    pieces.append((corners[-1][0], length, (corners[-1][1], round(_FIN * height, 6)), (fin, fin)))
+    return tuple(
+        Section.model_validate({
+            "from": start, "to": end, "profile": "linear" if start else "elliptic", "height": high, "width": wide,
+        })
+        for start, end, high, wide in pieces
+    )  # fmt: skip
 
 
 def _links(names: Sequence[str], ends: Sequence[float], sections: tuple[Section, ...], mass: float) -> tuple[Link, ...]:
@@ -156,11 +158,6 @@ def _spread(piece: LinkOutline) -> float:
     """Return INT A ((r - c)^2 + w^2 / 16) dr of elliptic sections of area A about the centroid c [m5]."""
     area = 0.25 * np.pi * piece.strip_height * piece.strip_width
     return float(piece.strip_weight @ (area * ((piece.strip_r - piece.centroid) ** 2 + piece.strip_width**2 / 16.0)))
-
-
-def _coefficient(kind: str) -> Coefficient:
-    value, sd, low, high = _COEFFICIENTS[kind]
-    return Coefficient(value=value, sd=sd, start=value, low=low, high=high)
 
 
 def _oscillators(joints: int) -> Cpg:

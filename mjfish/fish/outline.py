@@ -76,14 +76,9 @@ def section_at(sections: Sequence[Section], station: FloatArray) -> tuple[FloatA
     height, width = np.empty_like(station), np.empty_like(station)
     for piece, section in enumerate(sections):
         here = index == piece
-        height[here], width[here] = _evaluate(section, station[here])
-    return height, width
-
-
-def _evaluate(section: Section, station: FloatArray) -> tuple[FloatArray, FloatArray]:
-    s = np.clip((station - section.start) / (section.end - section.start), 0.0, 1.0)
-    shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
-    height, width = (a + (b - a) * shape for a, b in (section.height, section.width))
+        s = np.clip((station[here] - section.start) / (section.end - section.start), 0.0, 1.0)
+        shape = np.sqrt(1.0 - (1.0 - s) ** 2) if section.profile == "elliptic" else s
+        height[here], width[here] = (a + (b - a) * shape for a, b in (section.height, section.width))
     return height, width
 
 
@@ -103,10 +98,13 @@ def outline(sections: tuple[Section, ...], density: float, start: float, end: fl
     """Integrate one link between two stations [m], exact on both sides of every edge of the outline."""
     length = end - start
     nodes = length * (np.arange(INTERVALS + 1) / INTERVALS) ** 2
-    edges = _edges(sections, start, end) - start
+    inside = [section.end for section in sections if start + 1e-9 < section.end < end - 1e-9]
+    edges = np.array([start, *inside, end]) - start
     breaks = np.unique(np.concatenate([nodes, edges]))
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-12])]
-    r, weight = _gauss(breaks[:-1], breaks[1:])
+    # Gauss points and weights (cells, points) in t with r = left + width t^2: exact at a blunt nose.
+    t, width = 0.5 * (_GAUSS_POINTS + 1.0), np.diff(breaks)[:, None]
+    r, weight = breaks[:-1, None] + width * t**2, width * 2.0 * t * (0.5 * _GAUSS_WEIGHTS)
     height, width = section_at(sections, start + r)
     powers = r[..., None] ** np.arange(4)
     at_nodes = np.searchsorted(breaks, nodes - 1e-12)
@@ -147,18 +145,6 @@ def outline(sections: tuple[Section, ...], density: float, start: float, end: fl
         coarse_weight=readonly(coarse_weight),
         coarse_height=readonly(coarse_height),
     )
-
-
-def _edges(sections: Sequence[Section], start: float, end: float) -> FloatArray:
-    inside = [section.end for section in sections if start + 1e-9 < section.end < end - 1e-9]
-    return np.array([start, *inside, end])
-
-
-def _gauss(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights (cells, points) in t with r = left + (right - left) t^2: exact at a blunt nose."""
-    t, weight = 0.5 * (_GAUSS_POINTS + 1.0), 0.5 * _GAUSS_WEIGHTS
-    width = (right - left)[:, None]
-    return left[:, None] + width * t**2, width * 2.0 * t * weight
 
 
 def _strips(edges: FloatArray, strips: int) -> tuple[FloatArray, FloatArray]:

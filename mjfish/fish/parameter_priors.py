@@ -17,10 +17,17 @@ from mjfish.parameters import Parameter
 
 #: Where a number stands in the table of a fish: keys, and places in lists.
 Place = tuple[str | int, ...]
-#: Numbers of a link that may be free, with their units, and whether they cannot be negative.
-_OF_LINK = {"length": ("m", True), "mass": ("kg", True), "com": ("m", False), "inertia": ("kg m2", True)}
-_OF_FISH = {"density": ("kg/m3", True), "munk_moment": ("-", False)}
-_OF_SECTION = {"height": "m", "width": "m"}
+#: Where the numbers stand that may be free, with their units, and whether they cannot be negative.
+_FREE = {
+    ("links", int, "length"): ("m", True),
+    ("links", int, "mass"): ("kg", True),
+    ("links", int, "com"): ("m", False),
+    ("links", int, "inertia"): ("kg m2", True),
+    ("sections", int, "height", int): ("m", True),
+    ("sections", int, "width", int): ("m", True),
+    ("density",): ("kg/m3", True),
+    ("munk_moment",): ("-", False),
+}
 _ENDS = ("front", "rear")
 #: What may stand beside the value of a number.
 _KEYS = ("mean", "sd", "low", "high")
@@ -79,8 +86,7 @@ def joined(table: dict[str, Any], known: Sequence[FishParameterPrior]) -> dict[s
             if isinstance(owner[step], tuple):
                 owner[step] = list(owner[step])
             owner = owner[step]
-        given = {key: getattr(one, key) for key in _KEYS}
-        owner[last] = {"value": owner[last], **{key: value for key, value in given.items() if value is not None}}
+        owner[last] = {"value": owner[last], **one.model_dump(include=set(_KEYS), exclude_none=True)}
     return table
 
 
@@ -96,7 +102,7 @@ def _plain(part: object, place: Place, found: list[dict[str, Any]]) -> object:
 
 def _number(table: Mapping[str, object], place: Place, found: list[dict[str, Any]]) -> object:
     where = ".".join(str(step + 1) if isinstance(step, int) else step for step in place)
-    if not _may_be_free(place):
+    if _kind(place) not in _FREE:
         raise ValueError(
             f"{where}: this number cannot be free, expected one of length, mass, com, inertia of a link, height or "
             "width of a section, density, munk_moment; give it as a plain number"
@@ -115,15 +121,9 @@ def _number(table: Mapping[str, object], place: Place, found: list[dict[str, Any
     return table["value"]
 
 
-def _may_be_free(place: Place) -> bool:
-    match place:
-        case ("links", int(), str() as key):
-            return key in _OF_LINK
-        case ("sections", int(), str() as key, int()):
-            return key in _OF_SECTION
-        case (str() as key,):
-            return key in _OF_FISH
-    return False
+def _kind(place: Place) -> tuple[str | type[int], ...]:
+    """Return a place without the numbers of links, sections and ends, a key of `_FREE`."""
+    return tuple(int if isinstance(step, int) else step for step in place)
 
 
 def parameters(known: Sequence[FishParameterPrior], table: Any) -> Iterator[Parameter]:
@@ -137,7 +137,7 @@ def parameters(known: Sequence[FishParameterPrior], table: Any) -> Iterator[Para
         ParameterError: a range that is empty or does not hold the value, an sd that is not positive.
     """
     for one in known:
-        name, unit, positive = _named(one.place, table)
+        name, (unit, positive) = _name(one.place, table), _FREE[_kind(one.place)]
         value = number_at(table, one.place)
         mean, low, high = value if one.mean is None else one.mean, one.low, one.high
         if one.sd is not None:
@@ -145,8 +145,7 @@ def parameters(known: Sequence[FishParameterPrior], table: Any) -> Iterator[Para
             low, high = least if low is None else low, most if high is None else high
         if low is None or high is None:
             raise ValueError(f"{name}: neither sd nor low and high; add one of them")
-        scale = 0.3 * one.sd if one.sd is not None else 0.03 * (high - low)
-        scale = max(scale, 1e-9 * abs(value), 1e-15)
+        scale = max(0.3 * one.sd if one.sd is not None else 0.03 * (high - low), 1e-9 * abs(value), 1e-15)
         yield Parameter(name, unit, value, low, high, value, scale, about=_about(name), sd=one.sd, mean=one.mean)
 
 
@@ -165,16 +164,14 @@ def number_at(table: Any, place: Place) -> float:
     return float(table)
 
 
-def _named(place: Place, table: Any) -> tuple[str, str, bool]:
-    """Return name and unit of the parameter of a number, and whether it cannot be negative."""
+def _name(place: Place, table: Any) -> str:
+    """Return the name of the parameter of a number."""
     match place:
         case ("links", int() as number, str() as key):
-            return f"{key}.{table.links[number].name}", *_OF_LINK[key]
+            return f"{key}.{table.links[number].name}"
         case ("sections", int() as number, str() as key, int() as end):
-            return f"{key}.section_{number + 1}_{_ENDS[end]}", _OF_SECTION[key], True
-        case (str() as key,):
-            return f"fish.{key}", *_OF_FISH[key]
-    raise AssertionError(place)
+            return f"{key}.section_{number + 1}_{_ENDS[end]}"
+    return f"fish.{place[0]}"
 
 
 def _about(name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
-from mjfish.data.looking import for_looking
+from mjfish.data.trial import for_looking
 from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
 from mjfish.files.result import Result

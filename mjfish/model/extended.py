@@ -17,7 +17,7 @@ from mjfish.effects.effect import Effect, Values
 from mjfish.errors import UnknownNameError, located
 from mjfish.files import tomlfile
 from mjfish.files.tomlfile import Table
-from mjfish.fish import Fish, fish_toml
+from mjfish.fish import Fish, write_fish
 from mjfish.model.model import LoadsOfRun, Model, active_effects, built, driven, loads_of
 
 #: What to do about an effect that is not shipped.
@@ -140,12 +140,8 @@ def write(path: str | Path, model: Model, values: Mapping[str, float], comments:
     own = Extended(
         replace(model, fish=fish), {name: v for name, v in values.items() if name not in fish.coefficient_names}
     ).values
-    fish_toml.write(
-        path,
-        fish,
-        comments,
-        {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects},
-    )
+    effects = {effect.name: {p.short: own[p.name] for p in effect.parameters} for effect in model.effects}
+    write_fish(path, fish, comments, effects)
 
 
 def with_values(fish: Fish, values: Mapping[str, float]) -> Fish:

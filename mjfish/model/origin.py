@@ -8,7 +8,7 @@ from importlib.metadata import version
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.looking import for_looking
+from mjfish.data.trial import for_looking
 from mjfish.data.validation import SAME, beats
 from mjfish.fish import Cpg, Fish
 from mjfish.fish.fish import Identified, Span

@@ -26,7 +26,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from mjfish.data.cells import LARGEST
+from mjfish.data.columns import LARGEST
 from mjfish.effects import Causes, catalogue, of_fish
 from mjfish.effects.effect import Effect
 from mjfish.errors import InputError, UnknownNameError

@@ -274,7 +274,7 @@ def _trial(fish: Fish, mode: str, drive: Wave | str | Path | None, duration: flo
     table = read_table(path)
     names = ["time", *(columns.joint(k + 1) for k in range(fish.joints))]
     missing = [columns.header(name) for name in names if name not in table]
-    more = [columns.header(name) for name in table if columns.joint_number(name) and name not in names]
+    more = [columns.header(name) for name in table if name.startswith(columns.JOINT) and name not in names]
     if missing or more:
         wrong = f"{', '.join(missing)} missing" if missing else f"{', '.join(more)} too many"
         raise InputError(

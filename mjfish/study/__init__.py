@@ -1,11 +1,8 @@
 """Studies: many pieces of work, such as datasets, settings and seeds, that can be stopped, divided and gone on with."""
 
-from mjfish.study.cases import Case, read_cases
-from mjfish.study.collect import Collected, collect
-from mjfish.study.pieces import Piece, Shard
+from mjfish.study.cases import Case, Collected, Study, collect, read_cases, read_study
+from mjfish.study.pieces import Piece, Shard, Store
 from mjfish.study.run import Executing, Ran, run
-from mjfish.study.store import Store
-from mjfish.study.study_toml import Study, read_study
 
 __all__ = [
     "Case",

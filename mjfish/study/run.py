@@ -15,9 +15,7 @@ from threadpoolctl import threadpool_limits
 from mjfish.errors import InputError
 from mjfish.execution import executing
 from mjfish.execution.executors import NoClusterError, cluster, fan_out, processes
-from mjfish.study.lock import locked
-from mjfish.study.pieces import Piece, Shard
-from mjfish.study.store import Store
+from mjfish.study.pieces import Piece, Shard, Store, locked
 
 #: What came of a piece, and how long it took [s].
 _Answer = tuple[dict[str, Any], float]

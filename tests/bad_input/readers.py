@@ -20,19 +20,17 @@ from mcap_ros2.writer import Writer
 
 import mjfish
 from mjfish import data, fish
-from mjfish.comparison import rollouts
+from mjfish.comparison.comparison import read_rollout
 from mjfish.data.importers import import_files
-from mjfish.data.importers.deeplabcut import read_tracks
 from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
-from mjfish.data.importers.markers import metres, placed, read_points
+from mjfish.data.importers.markers import metres, placed, read_points, read_tracks
 from mjfish.design import load_fitted_models
 from mjfish.errors import MjfishError
 from mjfish.files import checksummed_json, tomlfile
 from mjfish.files.writing import json_text
 from mjfish.model import extended
 from mjfish.study import read_cases
-from mjfish.study.study_toml import Generated, acting
-from mjfish.study.study_toml import fish_of as fish_of_study
+from mjfish.study.cases import Generated, acting
 
 #: As a user gives it.
 _TAIL_FISH = Path(__file__).parents[2] / "tools" / "importers" / "tail_fish.py"
@@ -416,15 +414,11 @@ def _inputs(folder: Path) -> list[Any]:
     """Return the numbers of the effects that act in each piece of a study, whose hash is made on the way."""
     found = read_cases(folder / "study.toml")
     assert all(case.key for case in found)
-    return [
-        acting(case.dataset, fish_of_study(case.dataset, folder))[1]
-        for case in found
-        if isinstance(case.dataset, Generated)
-    ]
+    return [acting(case.dataset, folder)[2] for case in found if isinstance(case.dataset, Generated)]
 
 
 def _rollout(path: Path) -> dict[str, Any]:
-    run = rollouts.read(path)
+    run = read_rollout(path)
     return {"time": run.time, "velocity": run.velocity}
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from recordings import TOML, cpg_csv, write_folder
 
-from mjfish.data import cells, load_dataset, read_table, write_table
+from mjfish.data import columns, load_dataset, read_table, write_table
 from mjfish.data.importers.mapping import VelocitiesMap
 from mjfish.errors import InputError
 from mjfish.files import size_limited, tomlfile
@@ -143,19 +143,19 @@ def test_a_table_of_more_numbers_than_are_read_is_refused(
 ) -> None:
     path = tmp_path / f"run{suffix}"
     write_table(path, {"time [s]": np.arange(10.0), "surge [m/s]": np.zeros(10)})
-    monkeypatch.setattr(cells, "MOST_NUMBERS", 22)
+    monkeypatch.setattr(columns, "MOST_NUMBERS", 22)
     assert len(read_table(path)["time"]) == 10
-    monkeypatch.setattr(cells, "MOST_NUMBERS", 19)
+    monkeypatch.setattr(columns, "MOST_NUMBERS", 19)
     with pytest.raises(InputError, match=rf"run{suffix}: has 2[02] numbers, expected 19 at most; cut it"):
         read_table(path)
 
 
 def test_no_table_is_written_that_would_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = {"time [s]": np.arange(10.0)}
-    monkeypatch.setattr(cells, "MOST_NUMBERS", 9)
+    monkeypatch.setattr(columns, "MOST_NUMBERS", 9)
     with pytest.raises(InputError, match=r"run\.parquet: has 10 numbers, expected 9 at most; cut it"):
         write_table(tmp_path / "run.parquet", table)
-    monkeypatch.setattr(cells, "MOST_NUMBERS", 10)
+    monkeypatch.setattr(columns, "MOST_NUMBERS", 10)
     monkeypatch.setattr(size_limited, "TABLE", 48)
     with pytest.raises(InputError, match=r"run\.csv: 49 bytes of CSV, expected 48 at most; write Parquet"):
         write_table(tmp_path / "run.csv", table)

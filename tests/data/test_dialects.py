@@ -13,9 +13,9 @@ import pytest
 
 from mjfish.data import importers, read_table
 from mjfish.data.importers import FileReport
-from mjfish.data.importers.headers import guess, units
 from mjfish.data.importers.mapping import PosesMap
-from mjfish.data.sheet import read_sheet
+from mjfish.data.importers.recognition import guess, units
+from mjfish.data.tables import read_sheet
 from mjfish.data.trial import Trial
 from mjfish.errors import MjfishError
 from mjfish.files.tomlfile import parse

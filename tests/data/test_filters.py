@@ -8,7 +8,7 @@ import numpy as np
 from scipy import signal
 
 from mjfish.data import Trial
-from mjfish.data.filters import Differentiator
+from mjfish.data.trial import Differentiator
 from mjfish.estimation import Noise, Problem
 from mjfish.fish import load_fish
 from mjfish.model import Model

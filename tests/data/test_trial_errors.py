@@ -10,7 +10,7 @@ import pytest
 
 from mjfish import data as trials
 from mjfish.data import Dataset, Trial
-from mjfish.data.error_modes import principal_modes
+from mjfish.data.trial import principal_modes
 from mjfish.errors import InputError
 from mjfish.fish import Fish
 

@@ -148,6 +148,7 @@ TOML_FILE: dict[str, tuple[Edit, tuple[str, ...]]] = {
         ("trials.2.sensors.1.file: leaves the folder",),
     ),
     "fish above": (swap('"pike"', '"../pike.toml"'), (": fish: leaves the folder", "copy it there")),
+    "the folder itself": (swap('"pike"', '"."'), (": no such fish file", "shipped fish")),
     "trial file of another kind": (swap('"cpg.csv"', '"cpg.xlsx"'), ("trials.1: ", "'.xlsx'", ".csv or .parquet")),
     "start below its bounds": (swap("c_d.head = 1.5", "c_d.head = 0.0"), (": start: c_d.head: start 0", "bounds")),
     "start with empty bounds": (

@@ -147,7 +147,7 @@ def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monke
     def full(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("mjfish.data.tables._write_csv", full)
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
     with pytest.raises(InputError, match=r"a\.csv: cannot be written: no space left"):
         trial.write_table(path, {"time [s]": np.array([2.0])})
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]

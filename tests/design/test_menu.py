@@ -44,8 +44,7 @@ def test_every_run_is_one_that_a_dataset_may_hold(dataset: Dataset) -> None:
     for run in runs:
         np.testing.assert_allclose(np.diff(run.trial.time), 0.02)
         assert run.seconds == pytest.approx(4.0)
-        validation.check_segments(run.trial.drive, dataset.fish, run.name)
-        validation.check_cpg_time(run.trial.time, run.trial.drive, Path("run.csv"), run.name)
+        validation.check_cpg(run.trial.time, run.trial.drive, dataset.fish, Path("run.csv"), run.name)
     kinds = {run.name.split("-")[0] for run in runs}
     assert {"steady", "turn", "into", "step", "chirp", "zigzag", "burst", "coast"} <= kinds
 

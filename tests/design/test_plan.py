@@ -109,7 +109,7 @@ def test_a_signature_that_a_refit_absorbs_has_no_detectable_size() -> None:
     signatures = np.hstack([columns @ [[1.0], [2.0]], rng.standard_normal((50, 1))])
     hidden, seen = (find(name).parameters[0] for name in ("mass_error", "time_offset"))
     sums = Information.of(("c_d.head", "c_d.tail", hidden.name, seen.name), np.hstack([columns, signatures]))
-    found = Detection({"mass_error": (hidden,), "time_offset": (seen,)}, sums, ())
+    found = Detection(sums, (), {"mass_error": (hidden,), "time_offset": (seen,)})
     assert found.sizes("mass_error") == {hidden.name: np.inf}
     left = signatures[:, 1] - columns @ np.linalg.lstsq(columns, signatures[:, 1], rcond=None)[0]
     assert found.sizes("time_offset")[seen.name] == pytest.approx(np.sqrt(18.0 / (left @ left)) * seen.scale)

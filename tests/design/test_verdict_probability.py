@@ -51,7 +51,7 @@ def test_a_verdict_comes_as_often_as_foretold_from_data_that_give_none(
         (sse_k, x_k), (sse_l, x_l) = _sse(k[:n], y[:n]), _sse(l[:n], y[:n])
         d = k @ x_k - l @ x_l
         margin = sse_l - sse_k
-        found = Separation(("k", "l"), margin, _information(k[:n], l[:n], d[:n]), (_information(k[n:], l[n:], d[n:]),))
+        found = Separation(_information(k[:n], l[:n], d[:n]), (_information(k[n:], l[n:], d[n:]),), ("k", "l"), margin)
         if excluded(margin) or excluded(-margin):
             continue
         foretold.append(verdict_probability(margin, found.gain("k", 0)))
@@ -70,7 +70,7 @@ def test_the_gain_of_a_run_by_whole_matrices() -> None:
     old_k, old_l, old_d = rng.standard_normal((20, 3)), rng.standard_normal((20, 2)), rng.standard_normal(20)
     new_k, new_l, d = rng.standard_normal((n, 4)), rng.standard_normal((n, 3)), rng.standard_normal(n)
     found = Separation(
-        ("k", "l"), 0.0, _information(old_k, old_l, old_d), (_information(new_k, new_l, d, "run:own"),)
+        _information(old_k, old_l, old_d), (_information(new_k, new_l, d, "run:own"),), ("k", "l"), 0.0
     ).gain("k", 0)
     c_k, c_l = (np.linalg.inv(j.T @ j) for j in (old_k, old_l))
     t_k, t_l = (np.eye(n) + j[:, :-1] @ c @ j[:, :-1].T for j, c in ((new_k, c_k), (new_l, c_l)))
@@ -113,7 +113,7 @@ def test_without_a_run_the_verdict_is_the_one_at_hand() -> None:
     """Undecided: none; decided: right as often as the odds of the margin say; and a run that adds much decides."""
 
     def pair(margin: float) -> Separation:
-        return Separation(("k", "l"), margin, Information((), np.zeros((0, 0)), np.zeros(0), 0.0), ())
+        return Separation(Information((), np.zeros((0, 0)), np.zeros(0), 0.0), (), ("k", "l"), margin)
 
     assert pair(4.5).probability() == pytest.approx(0.0, abs=1e-9)
     assert pair(6.0).probability() == pytest.approx(1.0 / (1.0 + np.exp(-3.0)))

@@ -9,7 +9,7 @@ import pytest
 from scipy import interpolate, signal
 
 from mjfish.data import Trial
-from mjfish.data.filters import Differentiator
+from mjfish.data.trial import Differentiator
 from mjfish.diagnosis.screening import screen
 from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import find

@@ -27,7 +27,7 @@ from mjfish.estimation.identification import Identification
 from mjfish.estimation.intervals import coefficient_rows, intervals
 from mjfish.estimation.residual import agreement, fitted
 from mjfish.files.plain_data import plain
-from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.fish import Fish, load_fish, write_fish
 from mjfish.model.origin import covered
 from mjfish.mujoco import export
 
@@ -71,7 +71,7 @@ def test_the_identified_fish_has_values_starts_and_bounds_of_the_fit(synthetic: 
 def test_it_goes_through_toml_and_mjcf_with_its_origin(synthetic: Dataset, found: Fit, tmp_path: Path) -> None:
     """The way that a user goes: identify, write, load in MuJoCo."""
     fish = _identification(replace(synthetic, name="pool --\n"), found).fish
-    fish_toml.write(tmp_path / "fish.toml", fish)
+    write_fish(tmp_path / "fish.toml", fish)
     assert load_fish(tmp_path / "fish.toml") == fish
     export.write(tmp_path / "fish.xml", fish)
     fluid = mjfish.StripFluid(mujoco.MjModel.from_xml_path(str(tmp_path / "fish.xml")))

@@ -17,7 +17,7 @@ from mjfish.errors import InputError, MjfishError
 from mjfish.estimation import Problem, fit
 from mjfish.estimation.clocks import aligned
 from mjfish.estimation.nominal import nominal_problem
-from mjfish.fish import fish_toml
+from mjfish.fish import write_fish
 from mjfish.fish.parameter_priors import ParameterPrior
 from mjfish.inspection.after_fit import contradicted
 from mjfish.noise import Noise
@@ -56,7 +56,7 @@ def test_a_number_with_an_sd_is_free_and_comes_back_from_a_file(tmp_path: Path) 
     assert [p.name for p in fish.numbers] == ["length.head", "mass.head", "com.head"]
     assert [p.sd for p in fish.numbers] == [0.01, 0.2, 0.01]
     path = tmp_path / "again.toml"
-    fish_toml.write(path, fish)
+    write_fish(path, fish)
     assert mjfish.load_fish(path) == fish
 
 
@@ -76,7 +76,7 @@ def test_a_fish_that_was_fitted_is_known_as_before(tmp_path: Path) -> None:
     mass = fish.numbers[1]
     assert (mass.default, mass.expected) == (1.9, 1.6)
     path = tmp_path / "fitted.toml"
-    fish_toml.write(path, fish)
+    write_fish(path, fish)
     assert mjfish.load_fish(path).numbers[1].expected == 1.6
 
 

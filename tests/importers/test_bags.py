@@ -20,7 +20,7 @@ from mcap_ros2.writer import Writer
 
 import mjfish
 from mjfish.data import Dataset, Trial, load_dataset, save
-from mjfish.data.importers import FileReport, bag_messages, import_files
+from mjfish.data.importers import FileReport, bags, import_files
 from mjfish.data.importers.bags import read_bag
 from mjfish.data.importers.mapping import VelocitiesMap
 from mjfish.errors import MjfishError
@@ -488,7 +488,7 @@ def test_a_bag_that_is_small_on_disk_alone_is_refused(
     size = chunk.uncompressed_size.to_bytes(8, "little")
     path.write_bytes(content.replace(size, bytes(8), 1))
     for most, said in ((chunk.uncompressed_size, "/fish/odom"), (chunk.uncompressed_size - 1, "a chunk unpacks to")):
-        monkeypatch.setattr(bag_messages, "LARGEST_CHUNK", most)
+        monkeypatch.setattr(bags, "LARGEST_CHUNK", most)
         with pytest.raises(MjfishError, match=said):
             import_files("mcap", [path], mapping=mapped(tmp_path))
 

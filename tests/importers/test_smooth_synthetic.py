@@ -37,12 +37,10 @@ def _errors(swim: Swim, folder: Path) -> Errors:
     where = markers.placed(table, fish, place)
     path = swim.write(folder / "markers_run.csv")
     points = markers.metres(path, markers.read_points(path, table), table, where)[0]
-    found = nose_velocities(markers.fit_track(points, where, table.rate, path).fit)
+    velocity, sigma, _ = nose_velocities(markers.fit_track(points, where, table.rate, path).fit)
     inner = slice(_EDGE, -_EDGE)
     true = swim.truth[1][inner]
-    return Errors(
-        (found.value[inner] - true) / found.sigma[inner], np.ptp(found.value[inner], axis=0) / np.ptp(true, axis=0)
-    )
+    return Errors((velocity[inner] - true) / sigma[inner], np.ptp(velocity[inner], axis=0) / np.ptp(true, axis=0))
 
 
 def _began(file: FileReport) -> float:

@@ -16,7 +16,7 @@ from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.effects import Effect, catalogue, find
 from mjfish.errors import InputError, ParameterError, UnknownNameError
-from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.fish import Fish, fish_text, load_fish
 from mjfish.model import Model, extended
 from mjfish.model.extended import Extended
 from mjfish.mujoco import SimRollout, simulate
@@ -109,7 +109,7 @@ BAD: dict[str, tuple[str, type[Exception], str]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_wrong_in_the_table_is_named_with_the_file(name: str, tmp_path: Path, pike: Fish) -> None:
     table, kind, message = BAD[name]
-    path, text = tmp_path / "bad.toml", fish_toml.text(pike)
+    path, text = tmp_path / "bad.toml", fish_text(pike)
     path.write_text(f"{table}\n{text}" if name == "no table" else f"{text}\n{table}\n", encoding="utf-8")
     with pytest.raises(kind, match=rf"bad\.toml: .*{message}"):
         extended.load(path)

@@ -9,7 +9,7 @@ import pytest
 
 import mjfish
 from mjfish.errors import InputError
-from mjfish.fish import Fish, fish_toml, load_fish
+from mjfish.fish import Fish, load_fish, write_fish
 from mjfish.fish.fish import ANY
 from mjfish.model import Model, extended
 from mjfish.model.origin import with_origin
@@ -26,7 +26,7 @@ def identified(pike: Fish) -> Fish:
 
 @pytest.fixture
 def written(identified: Fish, tmp_path: Path) -> Path:
-    fish_toml.write(tmp_path / "mine.toml", identified)
+    write_fish(tmp_path / "mine.toml", identified)
     return tmp_path / "mine.toml"
 
 

@@ -22,7 +22,7 @@ from mjfish.cli import application
 from mjfish.data import save
 from mjfish.errors import InputError, MjfishError
 from mjfish.study import Case, Shard, collect, read_cases, read_study, run
-from mjfish.study.lock import locked
+from mjfish.study.pieces import locked
 
 DIAGNOSE = SMALL.partition("[[identify]]")[0] + '[[diagnose]]\nname = "cause"\n'
 

@@ -28,12 +28,11 @@ import numpy as np
 from pydantic import Field
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.cells import LARGEST, check_increasing
+from mjfish.data.columns import LARGEST, check_increasing
 from mjfish.data.dataset_toml import GaussianTable, filter_of
-from mjfish.data.importers.report import FileReport, ImportReport
 from mjfish.data.importers.smoothing import beat_frequency
 from mjfish.data.importers.tables import check_length
-from mjfish.data.importers.trials import Run, assembled
+from mjfish.data.importers.trials import FileReport, ImportReport, Run, assembled
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError
 from mjfish.files import size_limited, tomlfile

@@ -8,19 +8,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from mjfish.data.dataset_toml import Law, NotNegative, Number, Positive
-from mjfish.data.dialect import Dialect
 from mjfish.data.read import wave_of
+from mjfish.data.tables import Dialect
 from mjfish.data.trial import Hold, Trial
 from mjfish.drive.wave import Wave
 from mjfish.errors import InputError, located
 from mjfish.files import tomlfile
-from mjfish.files.tomlfile import Table
+from mjfish.files.tomlfile import Table, consistent
 from mjfish.fish import Fish, load_fish
 from mjfish.numerics.arrays import FloatArray, readonly
 
@@ -52,11 +52,10 @@ class JointColumns(Table):
     are: Literal["measured", "commanded"] = "measured"
     hold: Hold = "linear"
 
-    @model_validator(mode="after")
-    def _held(self) -> JointColumns:
-        if self.hold == "zero" and self.are == "measured":
-            raise ValueError('hold = "zero" of measured angles, expected it of commanded ones; add are = "commanded"')
-        return self
+    _held = consistent(
+        lambda own: own.hold != "zero" or own.are == "commanded",
+        'hold = "zero" of measured angles, expected it of commanded ones; add are = "commanded"',
+    )
 
 
 class MappingTable(Dialect):
@@ -83,14 +82,11 @@ class Driven(MappingTable):
     waves: Annotated[dict[str, WaveTable], Field(default_factory=dict)]
     from_rest: bool = False
 
-    @model_validator(mode="after")
-    def _one_drive(self) -> Driven:
-        if [self.joints is not None, self.wave is not None, bool(self.waves)].count(True) != 1:
-            raise ValueError(
-                "expected one of [joints] (columns of measured angles), [wave] (a joint law) and [waves] (one a file); "
-                "give one"
-            )
-        return self
+    _one_drive = consistent(
+        lambda own: [own.joints is not None, own.wave is not None, bool(own.waves)].count(True) == 1,
+        "expected one of [joints] (columns of measured angles), [wave] (a joint law) and [waves] (one a file); give "
+        "one",
+    )
 
 
 class MarkerEntry(Table):
@@ -115,11 +111,9 @@ class PlaneEntry(Table):
     slip: NotNegative = 0.0
     below: Positive | None = None
 
-    @model_validator(mode="after")
-    def _wobbles(self) -> PlaneEntry:
-        if self.below is not None and self.slip == 0.0:
-            raise ValueError("below, but no slip to read a roll from; give slip")
-        return self
+    _wobbles = consistent(
+        lambda own: own.below is None or own.slip > 0.0, "below, but no slip to read a roll from; give slip"
+    )
 
 
 class MarkersMap(MappingTable):
@@ -211,12 +205,6 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, F
         return table, load_fish(table.fish, relative_to=path.parent), path
 
 
-def driven(table: Driven) -> dict[str, Any]:
-    """Return what a mapping says of the joints and the start, as attributes of a trial."""
-    joints = table.joints or JointColumns(columns=())
-    return {"from_rest": table.from_rest, "commanded": joints.are == "commanded", "hold": joints.hold}
-
-
 def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
     if table.joints is None:
@@ -259,11 +247,6 @@ def wave_drive(table: Driven, fish: Fish, mapping: Path, recorded: Path) -> Wave
             )
         key, law = f"waves.{found}", table.waves[found]
     return None if law is None else wave_of(law, fish, f"{mapping}: {key}", ANGLES[law.unit])
-
-
-def angle_columns(table: Driven) -> tuple[str, ...]:
-    """Return the columns that the joint angles are in."""
-    return () if table.joints is None else table.joints.columns
 
 
 #: Mapping files of shipped layouts.

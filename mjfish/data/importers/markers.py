@@ -2,6 +2,13 @@
 
 Markers of a mapping are put on the links of a fish (`placed`), a track of them is smoothed (`fit_track`), exchanged
 markers are put back, and markers that are not where they belong are left out.
+
+Three lines head the file of DeepLabCut [Mathis2018] of one animal: ``scorer``, ``bodyparts``, ``coords``. Every body
+part has the columns x, y [pixels] and likelihood; the first column numbers the frames. A marker of the mapping has the
+name of its body part.
+
+[Mathis2018] A. Mathis and others, DeepLabCut: markerless pose estimation of user-defined body parts with deep learning,
+Nature Neuroscience 21.
 """
 
 from __future__ import annotations
@@ -17,10 +24,9 @@ from scipy.ndimage import median_filter
 from mjfish.data import Dataset
 from mjfish.data.importers.chain import Chain, Marked
 from mjfish.data.importers.mapping import LAYOUTS, MarkersMap, read_mapping
-from mjfish.data.importers.report import Cut, ImportReport
 from mjfish.data.importers.smoothing import Basis, Fit, beat_frequency, smooth
-from mjfish.data.importers.trials import Run, assembled, record, stretch_names, with_noise
-from mjfish.data.sheet import read_sheet
+from mjfish.data.importers.trials import Cut, ImportReport, Run, assembled, record, stretch_names, with_noise
+from mjfish.data.tables import read_sheet, recognise
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.fish import Fish
 from mjfish.numerics.arrays import BoolArray, FloatArray
@@ -130,7 +136,7 @@ class Track:
 
     Attributes:
         fit: coordinates x, y, yaw, joint angles, slips.
-        astray: (n, markers) where a marker was not where it belongs.
+        astray: (n, markers) where a marker was not where it belongs, one that is not used too.
         dropped: markers that are not used at all.
         exchanged: frames in which markers had to be put back.
     """
@@ -169,7 +175,9 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
                 "leave this file out"
             )
         fit, chain = _fit(measured, dropped, marked, rate, path)
-    return Track(fit, _astray(measured, fit, chain), tuple(dropped), int(found.sum()))
+    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
+    astray = np.asarray(~(off < _OFF * np.maximum(fit.sigma, np.median(fit.sigma))))
+    return Track(fit, astray, tuple(dropped), int(found.sum()))
 
 
 def _fit(measured: FloatArray, dropped: Sequence[int], marked: Marked, rate: float, path: Path) -> tuple[Fit, Chain]:
@@ -214,13 +222,6 @@ def _worst(fit: Fit, chain: Chain, marked: Marked, dropped: Sequence[int]) -> in
     }
     worst = max(candidates, key=lambda m: candidates[m])
     return worst if candidates[worst] > 1.0 else None
-
-
-def _astray(measured: FloatArray, fit: Fit, chain: Chain) -> BoolArray:
-    """Return where markers (n, markers) are not where they belong, those too that were not used."""
-    off = np.hypot(*np.moveaxis(measured - chain.at(fit.coordinates(), fit.shared)[0], -1, 0))
-    usual = 4.0 * np.maximum(fit.sigma, np.median(fit.sigma))
-    return np.asarray(~(off < usual))
 
 
 #: A second: less cannot hold a beat.
@@ -356,3 +357,58 @@ def import_fishsim(
 ) -> tuple[Dataset, ImportReport]:
     """Import marker files of the folder Data/Markers of the repository, see `import_markers`."""
     return import_markers(files, held_out, mapping or LAYOUTS / "fishsim.toml", importer="fishsim")
+
+
+_HEADS = ("scorer", "bodyparts", "coords")
+_COORDINATES = ("x", "y", "likelihood")
+
+
+def import_deeplabcut(
+    files: Sequence[Path], held_out: Sequence[str] = (), mapping: Path | None = None
+) -> tuple[Dataset, ImportReport]:
+    """Import tracks of DeepLabCut, see `import_markers`; a point below the mapping's ``likelihood`` is lost.
+
+    Raises:
+        MjfishError: as of `import_markers`; a file is no such CSV, or has several animals.
+    """
+    return import_markers(files, held_out, mapping, importer="deeplabcut", read=read_tracks)
+
+
+def read_tracks(path: Path, table: MarkersMap) -> FloatArray:
+    """Return the points of the mapping's markers (n, markers, 2) [pixels]; NaN where the tracker was not sure.
+
+    Raises:
+        InputError: no such file, no CSV of DeepLabCut, of several animals, or a cell that is no number.
+        UnknownNameError: no such body part.
+    """
+    parts = _body_parts(path, table)
+    columns = ["frame", *(f"{part} {coordinate}" for part in parts for coordinate in _COORDINATES)]
+    sheet = read_sheet(path, _below(table, len(_HEADS)), names=columns)
+    points = np.empty((sheet.cells.num_rows, len(table.markers), 2))
+    for m, entry in enumerate(table.markers):
+        if entry.name not in parts:
+            raise UnknownNameError(f"body part in {path}", entry.name, parts)
+        x, y, likelihood = (sheet.numbers(f"{entry.name} {coordinate}", missing=True) for coordinate in _COORDINATES)
+        points[:, m] = np.column_stack([x, y])
+        points[~(likelihood >= table.likelihood), m] = np.nan
+    return points
+
+
+def _body_parts(path: Path, table: MarkersMap) -> list[str]:
+    """Return the body parts of a file that is laid out as DeepLabCut does."""
+    heads: list[tuple[str, ...]] = []
+    for number, head in enumerate(_HEADS):
+        heads.append(recognise(path, _below(table, number)).headers)
+        if heads[-1][:1] == ("individuals",):
+            raise InputError(f"{path}: has tracks of several animals; export those of one")
+        if heads[-1][:1] != (head,) or (heads[2:] and heads[2][1:4] != _COORDINATES):
+            raise InputError(
+                f"{path}: no CSV of DeepLabCut, expected lines that begin with {', '.join(_HEADS)} and columns "
+                f"{', '.join(_COORDINATES)}; import it as 'markers' with a mapping file"
+            )
+    return list(heads[1][1 :: len(_COORDINATES)])
+
+
+def _below(table: MarkersMap, lines: int) -> MarkersMap:
+    """Return the mapping of what lies below the first lines of a table."""
+    return table.model_copy(update={"skip": (table.skip or 0) + lines})

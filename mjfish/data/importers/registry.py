@@ -9,12 +9,11 @@ from typing import Protocol, cast
 
 from mjfish.data import Dataset
 from mjfish.data.importers.bags import import_mcap
-from mjfish.data.importers.deeplabcut import import_deeplabcut
-from mjfish.data.importers.mapping import PosesMap, VelocitiesMap
-from mjfish.data.importers.markers import import_fishsim, import_markers
-from mjfish.data.importers.report import ImportReport
+from mjfish.data.importers.mapping import MAPS, PosesMap, VelocitiesMap
+from mjfish.data.importers.markers import import_deeplabcut, import_fishsim, import_markers
+from mjfish.data.importers.recognition import check_once, check_text, describe
 from mjfish.data.importers.tables import import_tables
-from mjfish.data.importers.unknown import check_once, check_text, describe
+from mjfish.data.importers.trials import ImportReport
 from mjfish.errors import InputError, UnknownNameError, located
 from mjfish.files.user_code import user_code
 
@@ -45,8 +44,6 @@ IMPORTERS: Mapping[str, Importer] = {
     "poses": partial(import_tables, model=PosesMap, importer="poses"),
     "velocities": partial(import_tables, model=VelocitiesMap, importer="velocities"),
 }
-#: Importers of tables, which need a mapping file.
-_MAPPED = ("poses", "velocities")
 #: What a file with an importer must define.
 FUNCTION = "import_files"
 
@@ -100,9 +97,9 @@ def import_files(
     if not paths:
         raise InputError(f"no files to import, expected one or more; name the files of {importer}")
     check_once(paths)
-    for path in paths if importer in _MAPPED else ():
+    for path in paths if importer in MAPS else ():
         check_text(path)
-    if mapping is None and importer in _MAPPED and paths[0].exists():
+    if mapping is None and importer in MAPS and paths[0].exists():
         raise InputError(
             f"importer '{importer}' needs a mapping file, give --map FILE; {paths[0]} {describe(paths[0])}"
         )

@@ -337,14 +337,14 @@ def smooth(seen: Chain, basis: Basis, beat: float | None, start: FloatArray, sig
         InputError: the points are so far apart, or the times so uneven, that no motion can be fitted.
     """
     try:
-        with np.errstate(over="raise", divide="raise", invalid="raise"):
-            return _smoothed(seen, basis, beat, start, sigma)
+        return _smoothed(seen, basis, beat, start, sigma)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise InputError(
             f"cannot be smoothed ({error}), expected the path of a swimming fish; look for numbers or times far off"
         ) from None
 
 
+@np.errstate(over="raise", divide="raise", invalid="raise")
 def _smoothed(seen: Chain, basis: Basis, beat: float | None, start: FloatArray, sigma: float) -> Fit:
     measured = seen.measured
     there: BoolArray = np.asarray(np.isfinite(measured).all(axis=2))

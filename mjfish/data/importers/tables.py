@@ -13,33 +13,34 @@ from pathlib import Path
 import numpy as np
 
 from mjfish.data import Dataset, Trial
-from mjfish.data.cells import check_increasing
+from mjfish.data.columns import check_increasing
 from mjfish.data.importers.mapping import (
     ANGLES,
     LENGTHS,
     TIMES,
+    JointColumns,
     PosesMap,
     VelocitiesMap,
-    angle_columns,
-    driven,
     joint_angle_remarks,
     measured_angles,
     read_mapping,
     wave_drive,
 )
-from mjfish.data.importers.report import Cut, FileReport, ImportReport
+from mjfish.data.importers.recognition import KEYS
 from mjfish.data.importers.smoothing import FASTEST, SLOWEST, beat_frequency
 from mjfish.data.importers.trials import (
     BEATS,
     SECONDS,
+    Cut,
+    FileReport,
+    ImportReport,
     Run,
     assembled,
-    longest,
     runs,
     stretch_names,
 )
 from mjfish.data.sensor import FEWEST, Kind, Sensor, cleaned, within
-from mjfish.data.sheet import read_sheet
+from mjfish.data.tables import read_sheet
 from mjfish.data.validation import count_beats, longest_gap
 from mjfish.errors import InputError
 from mjfish.fish import Fish
@@ -47,7 +48,8 @@ from mjfish.fish.frames import CHANNELS
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
 from mjfish.numerics.block_angular import IntArray
 
-_FEWEST_POSES = 20
+#: Fewest rows of a file, by the kind of its mapping.
+_FEWEST_ROWS = {"poses": 20, "velocities": 7}
 #: Sensors of a pose, and their columns.
 _SEEN: tuple[tuple[Kind, slice], ...] = (("position", slice(0, 2)), ("heading", slice(2, 3)))
 
@@ -81,15 +83,6 @@ def read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) 
 
 #: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
 Read = Callable[[Path, PosesMap | VelocitiesMap, Sequence[str]], Columns]
-
-
-def _columns(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str], fewest: int, read: Read) -> Columns:
-    """Return the column of the time [s], and others, of a file, or refuse one with few rows."""
-    found = read(path, table, names)
-    rows = len(found.numbers[table.time])
-    if rows < fewest:
-        raise InputError(f"{path}: has {rows} rows, expected one a frame and {fewest} or more; give a longer track")
-    return found
 
 
 def import_tables(
@@ -145,7 +138,6 @@ def import_mapped(
     Raises:
         MjfishError: as of `import_tables`.
     """
-    noise = None
     if isinstance(table, PosesMap):
         behind, head = table.behind_nose, fish.links[0].length
         if behind is not None and not 0.0 <= behind <= head:
@@ -153,71 +145,100 @@ def import_mapped(
                 f"{place}: behind_nose: {behind:g} m, expected a point of the head, 0 to {head:g} m; leave it out "
                 "to have it fitted, or give the track of a point of the head"
             )
-        found = [_pose_run(path, table, fish, place, read) for path in files]
-    else:
-        found = [_velocity_run(path, table, fish, place, read) for path in files]
-        noise = None if table.noise is None else readonly(table.noise)
+    found = [_run(path, table, fish, place, read) for path in files]
     dataset, report = assembled(found, fish, held_out, importer or table.kind, table.kind)
-    return replace(dataset, noise=noise), report
+    stated = isinstance(table, VelocitiesMap) and table.noise
+    return replace(dataset, noise=readonly(stated) if stated else None), report
 
 
-def _pose_run(path: Path, table: PosesMap, fish: Fish, mapping: Path, read: Read) -> Run:
-    names = (table.x, table.y, table.yaw, *angle_columns(table))
-    columns = _columns(path, table, names, _FEWEST_POSES, read)
-    for name in names:
-        if not np.isfinite(columns.numbers[name]).any():
-            raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
-    numbers, repeated = _each_once(columns, table.time, path)
+def _run(path: Path, table: PosesMap | VelocitiesMap, fish: Fish, mapping: Path, read: Read) -> Run:
+    """Return the trials of a file, and what was done to it."""
+    joints = table.joints or JointColumns(columns=())
+    names = (*(getattr(table, key) for key in KEYS[table.kind][1:]), *joints.columns)
+    columns = read(path, table, names)
+    frames, fewest = len(columns.numbers[table.time]), _FEWEST_ROWS[table.kind]
+    if frames < fewest:
+        raise InputError(f"{path}: has {frames} rows, expected one a frame and {fewest} or more; give a longer track")
+    numbers, notes = _each_once(columns, table, names, path)
     time = readonly(numbers[table.time])
     check_length(time, path)
-    pose = _in_metres(table, np.column_stack([numbers[name] for name in names[:3]]))
-    place, known = table.behind_nose or 0.0, table.behind_nose is not None
-    sensors = tuple(
-        cleaned(Sensor(kind, kind, time, pose[:, at], station=place, placed=known, source=path), path)
-        for kind, at in _SEEN
-    )
+    velocity, sensors = _measured(table, time, np.column_stack([numbers[name] for name in names[:3]]), path)
     whole = Trial(
         name=path.stem.removeprefix(table.prefix),
         role=None,
         time=time,
-        velocity=readonly(np.full((len(time), len(CHANNELS)), np.nan)),
+        velocity=readonly(velocity),
         joint_angle=measured_angles(table, numbers, fish, mapping),
         wave=wave_drive(table, fish, mapping, path),
         source=path,
         sensors=sensors,
-        **driven(table),
+        commanded=joints.are == "commanded",
+        hold=joints.hold,
+        from_rest=table.from_rest,
     )
-    parts, beat = _stretches_of_joints(whole)
-    trials = tuple(
-        _part(whole, rows, label) for label, rows in zip(stretch_names(whole.name, len(parts)), parts, strict=True)
-    )
+    complete: BoolArray = np.asarray(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1))
+    parts, beat = _stretches_of_joints(whole) if sensors else (_stretches(whole, complete, path), None)
+    labels = stretch_names(whole.name, len(parts))
+    trials = tuple(_part(whole, rows, label) for rows, label in zip(parts, labels, strict=True))
+    speed = noise = None
+    if isinstance(table, VelocitiesMap):
+        trials = (whole,) if complete.all() else trials
+        speed, noise = float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()), table.noise
+        notes += () if noise else ("noise not stated: estimated from the fit",)
+    else:
+        notes += tuple(remark for sensor in sensors for remark in sensor.remarks)
+        notes += (f"a sample every {1e3 * whole.step:.4g} ms", *joint_angle_remarks(table, whole))
     report = FileReport(
         path=path,
         trials=tuple(trial.name for trial in trials),
-        frames=len(columns.numbers[table.time]),
-        usable=int(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1).sum()),
-        kept=sum(len(trial.sensors[0].time) for trial in trials),
+        frames=frames,
+        usable=int(complete.sum()),
+        kept=sum(len(trial.sensors[0].time if trial.sensors else trial.time) for trial in trials),
         beat=beat,
-        cuts=_cuts(time, [(int(rows[0]), int(rows[-1]) + 1) for rows in parts], names[3:], numbers),
-        notes=(
-            *columns.notes,
-            *repeated,
-            *(remark for sensor in sensors for remark in sensor.remarks),
-            f"a sample every {1e3 * whole.step:.4g} ms",
-            *joint_angle_remarks(table, whole),
-        ),
+        speed=speed,
+        noise=noise,
+        cuts=_cuts(time, parts, names[3:] if sensors else names, numbers),
+        notes=notes,
     )
     return Run(whole.name, trials, report)
 
 
-def _each_once(columns: Columns, time: str, path: Path) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
-    """Return columns without rows that repeat the one before, and a note on them."""
-    numbers = columns.numbers
+def _measured(
+    table: PosesMap | VelocitiesMap, time: FloatArray, point: FloatArray, path: Path
+) -> tuple[FloatArray, tuple[Sensor, ...]]:
+    """Return velocities (n, 3) of the nose, and sensors, of columns (n, 3) of a point in its own units and axes.
+
+    Of poses there are sensors alone, of x, y [m], yaw [rad] of the point, y up and yaw anticlockwise.
+    """
+    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
+    if isinstance(table, VelocitiesMap):
+        positive = np.array([table.surge_to == "front", table.sway_to == "port", table.turn_to == "port"])
+        velocity = point * np.where(positive, 1.0, -1.0) * [length, length, angle]
+        velocity[:, 1] += table.behind_nose * velocity[:, 2]
+        return velocity, ()
+    positive = np.array([True, table.axes == "y_up", table.port_positive])
+    pose = (point - [0.0, 0.0, table.yaw_zero]) * np.where(positive, 1.0, -1.0) * [length, length, angle]
+    place, known = table.behind_nose or 0.0, table.behind_nose is not None
+    sensors = (Sensor(kind, kind, time, pose[:, at], station=place, placed=known, source=path) for kind, at in _SEEN)
+    return np.full((len(time), len(CHANNELS)), np.nan), tuple(cleaned(sensor, path) for sensor in sensors)
+
+
+def _each_once(
+    columns: Columns, table: PosesMap | VelocitiesMap, names: Sequence[str], path: Path
+) -> tuple[Mapping[str, FloatArray], tuple[str, ...]]:
+    """Return columns whose times increase, and notes; rows of poses that repeat the one before are left out."""
+    numbers, notes = columns.numbers, columns.notes
+    if isinstance(table, VelocitiesMap):
+        check_increasing(numbers[table.time], path, columns.first_line, table.time)
+        return numbers, notes
+    for name in names:
+        if not np.isfinite(numbers[name]).any():
+            raise InputError(f"{path}: column '{name}' has no number, expected what was tracked; name another column")
     rows = np.column_stack([*numbers.values()])
     same = np.all((rows[1:] == rows[:-1]) | np.isnan(rows[1:]) & np.isnan(rows[:-1]), axis=1)
-    check_increasing(numbers[time], path, columns.first_line, time, repeated=np.asarray(same))
-    note = (f"{int(same.sum())} repeated rows left out",) if same.any() else ()
-    return {name: values[np.append(True, ~same)] for name, values in numbers.items()}, note
+    check_increasing(numbers[table.time], path, columns.first_line, table.time, repeated=np.asarray(same))
+    notes += (f"{int(same.sum())} repeated rows left out",) if same.any() else ()
+    return {name: values[np.append(True, ~same)] for name, values in numbers.items()}, notes
 
 
 def _stretches_of_joints(whole: Trial) -> tuple[list[IntArray], float | None]:
@@ -225,10 +246,9 @@ def _stretches_of_joints(whole: Trial) -> tuple[list[IntArray], float | None]:
 
     A law knows them from its ramp on. Recorded ones are known in rows that have them all, and in short gaps between.
     """
-    time, angle = whole.time, whole.joint_angle
+    time, angle = whole.time, np.asarray(whole.joint_angle)  # a mapping has joints or a law
     if whole.wave is not None:
         return [np.flatnonzero(time >= (0.0 if whole.wave.ramp > 0.0 else -np.inf))], whole.wave.frequency
-    assert angle is not None  # noqa: S101 - a mapping has joints or a law
     found = _joined(time, angle, np.flatnonzero(np.isfinite(angle).all(axis=1)))
     kept = [rows for rows in found if len(found) == 1 or _long_enough(whole, rows)]
     if not kept:
@@ -252,9 +272,8 @@ def _joined(time: FloatArray, angle: FloatArray, rows: IntArray) -> list[IntArra
 
 def _long_enough(whole: Trial, rows: IntArray) -> bool:
     """Whether a stretch lasts long enough for a trial, and has samples of every sensor."""
-    assert whole.joint_angle is not None  # noqa: S101 - only then there are stretches
     first, last = whole.time[rows[[0, -1]]]
-    beats = count_beats(whole.time[rows], whole.joint_angle[rows])
+    beats = count_beats(whole.time[rows], np.asarray(whole.joint_angle)[rows])
     seen = [np.count_nonzero((s.time >= first) & (s.time <= last)) >= FEWEST for s in whole.sensors]
     return all(seen) and (last - first >= SECONDS if beats is None else beats >= BEATS)
 
@@ -269,73 +288,22 @@ def check_length(time: FloatArray, path: Path) -> None:
         )
 
 
-def _in_metres(table: PosesMap, raw: FloatArray) -> FloatArray:
-    """Return x, y [m], yaw [rad] of the tracked point (n, 3), y up and yaw anticlockwise, from its own axes."""
-    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
-    up = length if table.axes == "y_up" else -length
-    turn = angle if table.port_positive else -angle
-    return np.column_stack([length * raw[:, 0], up * raw[:, 1], turn * (raw[:, 2] - table.yaw_zero)])
-
-
-_FEWEST_VELOCITIES = 7
-
-
-def _velocity_run(path: Path, table: VelocitiesMap, fish: Fish, mapping: Path, read: Read) -> Run:
-    names = (table.surge, table.sway, table.yaw_rate, *angle_columns(table))
-    columns = _columns(path, table, names, _FEWEST_VELOCITIES, read)
-    numbers, time = columns.numbers, columns.numbers[table.time]
-    length, angle = LENGTHS[table.length_unit], ANGLES[table.angle_unit]
-    surge = numbers[table.surge] * (length if table.surge_to == "front" else -length)
-    sway = numbers[table.sway] * (length if table.sway_to == "port" else -length)
-    turn = numbers[table.yaw_rate] * (angle if table.turn_to == "port" else -angle)
-    check_increasing(time, path, columns.first_line, table.time)
-    check_length(time, path)
-    whole = Trial(
-        name=path.stem.removeprefix(table.prefix),
-        role=None,
-        time=readonly(time),
-        velocity=readonly(np.column_stack([surge, sway + table.behind_nose * turn, turn])),
-        joint_angle=measured_angles(table, numbers, fish, mapping),
-        wave=wave_drive(table, fish, mapping, path),
-        source=path,
-        **driven(table),
-    )
-    complete: BoolArray = np.asarray(np.isfinite(np.column_stack([numbers[name] for name in names])).all(axis=1))
-    trials: tuple[Trial, ...] = (whole,)
-    kept = [(0, len(complete))]
-    if not complete.all():
-        kept = _stretches(whole, complete, path)
-        labels = stretch_names(whole.name, len(kept))
-        trials = tuple(_part(whole, np.arange(a, b), label) for label, (a, b) in zip(labels, kept, strict=True))
-    report = FileReport(
-        path=path,
-        trials=tuple(trial.name for trial in trials),
-        frames=len(complete),
-        usable=int(complete.sum()),
-        kept=sum(len(trial.time) for trial in trials),
-        beat=None,
-        speed=float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()),
-        noise=table.noise,
-        cuts=_cuts(time, kept, names, numbers),
-        notes=columns.notes if table.noise else (*columns.notes, "noise not stated: estimated from the fit"),
-    )
-    return Run(whole.name, trials, report)
-
-
-def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[tuple[int, int]]:
-    """Return the stretches of complete rows that are long enough for a trial."""
-    if complete.sum() < _FEWEST_VELOCITIES:
-        raise InputError(
-            f"{path}: has {complete.sum()} complete rows, expected {_FEWEST_VELOCITIES} or more; record longer"
-        )
+def _stretches(trial: Trial, complete: BoolArray, path: Path) -> list[IntArray]:
+    """Return the rows of each stretch of complete ones that is long enough for a trial; all where all are complete."""
+    if complete.all():
+        return [np.arange(len(complete))]
+    least = _FEWEST_ROWS["velocities"]
+    if complete.sum() < least:
+        raise InputError(f"{path}: has {complete.sum()} complete rows, expected {least} or more; record longer")
     check_length(trial.time[complete], path)
     beat, periodic = beat_frequency(trial.time[complete], trial.velocity[complete, 2])
     seconds = BEATS / beat if periodic else SECONDS
-    fewest = max(int(np.ceil(seconds / float(np.median(np.diff(trial.time))))), _FEWEST_VELOCITIES)
-    kept = [(a, b) for a, b in runs(complete) if b - a >= fewest]
+    fewest = max(int(np.ceil(seconds / trial.step)), least)
+    kept = [np.arange(a, b) for a, b in runs(complete) if b - a >= fewest]
     if not kept:
+        longest = max(b - a for a, b in runs(complete))
         raise InputError(
-            f"{path}: the longest stretch without a gap has {longest(runs(complete))} rows, expected {fewest} or more "
+            f"{path}: the longest stretch without a gap has {longest} rows, expected {fewest} or more "
             f"({seconds:.3g} s); record longer, or leave this file out"
         )
     return kept
@@ -358,17 +326,18 @@ def _part(trial: Trial, rows: IntArray, name: str) -> Trial:
 
 
 def _cuts(
-    time: FloatArray, kept: Sequence[tuple[int, int]], names: Sequence[str], numbers: Mapping[str, FloatArray]
+    time: FloatArray, kept: Sequence[IntArray], names: Sequence[str], numbers: Mapping[str, FloatArray]
 ) -> tuple[Cut, ...]:
     """Return what lies outside of the stretches that were kept, and which of the columns were lost there."""
     lost = np.ones(len(time), dtype=np.bool_)
-    for a, b in kept:
-        lost[a:b] = False
+    for rows in kept:
+        lost[rows[0] : rows[-1] + 1] = False
     found = []
     for a, b in runs(lost):
         missing = {name: np.isnan(numbers[name][a:b]) for name in names}
         why = f"{', '.join(name for name, absent in missing.items() if absent.any())} lost"
         why += "" if np.any([*missing.values()], axis=0).all() else ", or too short a stretch"
-        begin, end = float(time[a]), float(time[min(b, len(time) - 1)])
-        found.append(Cut(begin, end, why if names else "before the drive starts"))
+        found.append(
+            Cut(float(time[a]), float(time[min(b, len(time) - 1)]), why if names else "before the drive starts")
+        )
     return tuple(found)

@@ -1,4 +1,4 @@
-"""From a smoothed run to trials: velocities of the nose, stretches that are kept, sampling, noise and roles.
+"""From a smoothed run to trials and a report: velocities of the nose, what is kept, sampling, noise and roles.
 
     surge = cos(yaw) x' + sin(yaw) y',   sway = cos(yaw) y' - sin(yaw) x',   yaw rate = yaw'
 
@@ -18,44 +18,125 @@ from string import ascii_lowercase
 import numpy as np
 
 from mjfish.data import Dataset, Role, Trial
-from mjfish.data.error_modes import principal_modes
-from mjfish.data.importers.report import Cut, FileReport, ImportReport
 from mjfish.data.importers.smoothing import Fit
+from mjfish.data.trial import principal_modes
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.fish import Fish, frames
 from mjfish.numerics.arrays import BoolArray, FloatArray, readonly
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A stretch that was not kept.
+
+    Attributes:
+        start: [s] in the file.
+        end: [s] in the file.
+        reason: why.
+    """
+
+    start: float
+    end: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.start:.2f}-{self.end:.2f} s: {self.reason}"
+
+
+@dataclass(frozen=True)
+class FileReport:
+    """One imported file.
+
+    Attributes:
+        path: the file.
+        trials: names of the trials made of it.
+        frames: rows of the file.
+        usable: frames in which everything was found.
+        kept: samples in the trials.
+        beat: frequency of the beat [Hz]; None where there is none or nobody looked.
+        speed: mean surge [m/s]; None where no velocity is made of the file.
+        noise: sigma of surge, sway [m/s] and yaw rate [rad/s], estimated from this file; None: not known.
+        correlation_time: of the errors of the velocities [s]; samples closer than that add hardly any information; 0:
+            not known.
+        joint_noise: sigma of the joint angles, mean over the joints [rad]; None: not estimated.
+        cuts: stretches that were not kept.
+        notes: what else was done, sentences.
+    """
+
+    path: Path
+    trials: tuple[str, ...]
+    frames: int
+    usable: int
+    kept: int
+    beat: float | None
+    speed: float | None = None
+    noise: tuple[float, float, float] | None = None
+    correlation_time: float = 0.0
+    joint_noise: float | None = None
+    cuts: tuple[Cut, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+#: Headers of `rows`.
+HEADERS = (
+    "file", "trials", "frames", "usable", "kept", "beat [Hz]", "mean speed [m/s]",
+    "sigma surge [m/s]", "sigma sway [m/s]", "sigma yaw_rate [rad/s]", "errors correlated over [s]",
+    "sigma joints [rad]", "remarks",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """All files of one import.
+
+    Attributes:
+        importer: its name.
+        files: in the order given.
+    """
+
+    importer: str
+    files: tuple[FileReport, ...]
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return one row of text a file, under `HEADERS`, for a table."""
+        return [
+            (
+                file.path.name,
+                ", ".join(file.trials),
+                str(file.frames),
+                str(file.usable),
+                str(file.kept),
+                "-" if file.beat is None else f"{file.beat:.3f}",
+                "-" if file.speed is None else f"{file.speed:.3f}",
+                *(
+                    f"{sigma:.2g}" if sigma else "-"
+                    for sigma in (*(file.noise or (None,) * 3), file.correlation_time, file.joint_noise)
+                ),
+                "; ".join([*map(str, file.cuts), *file.notes]),
+            )
+            for file in self.files
+        ]
+
 
 #: Correlation below which errors count as independent.
 _INDEPENDENT = 0.3
 _X, _Y, _YAW = 0, 1, 2
 
 
-@dataclass(frozen=True, eq=False)
-class Velocities:
-    """Velocities at the frames.
+def nose_velocities(fit: Fit) -> tuple[FloatArray, FloatArray, int]:
+    """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad].
 
-    Attributes:
-        value: (n, 3) surge, sway [m/s], yaw rate [rad/s] of the nose.
-        sigma: (n, 3) of their errors.
-        apart: how many frames apart the errors of all channels are nearly independent.
+    Returns:
+        Surge, sway [m/s], yaw rate [rad/s] of the nose (n, 3), sigma (n, 3) of their errors, and how many frames apart
+        the errors of all channels are nearly independent.
     """
-
-    value: FloatArray
-    sigma: FloatArray
-    apart: int
-
-
-def nose_velocities(fit: Fit) -> Velocities:
-    """Return the velocities of a fit whose first coordinates are x, y [m] and yaw [rad]."""
     yaw, rate, slopes = fit.coordinates()[:, _YAW], fit.coordinates(1), velocity_gradients(fit)
     spreads = [slope @ fit.covariance for slope in slopes]
     correlation = np.column_stack(list(map(_correlation, slopes, spreads)))
     far = np.flatnonzero((correlation < _INDEPENDENT).all(axis=1))
-    return Velocities(
-        value=np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]]),
-        sigma=np.column_stack(list(map(_sigma, slopes, spreads))),
-        apart=int(far[0]) if far.size else len(correlation),
-    )
+    velocity = np.column_stack([frames.to_body(rate[:, :2], yaw), rate[:, _YAW]])
+    sigma = np.column_stack(list(map(_sigma, slopes, spreads)))
+    return velocity, sigma, int(far[0]) if far.size else len(correlation)
 
 
 def velocity_gradients(fit: Fit) -> list[FloatArray]:
@@ -112,11 +193,6 @@ def runs(flags: BoolArray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def longest(candidates: Sequence[tuple[int, int]]) -> int:
-    """Return the length of the longest stretch, 0 without any."""
-    return max((b - a for a, b in candidates), default=0)
-
-
 #: Shortest stretch that is kept: beats, or seconds where there is no beat.
 BEATS, SECONDS = 2.0, 1.0
 #: Samples a beat that measured joint angles need, so that a spline through them keeps the accelerations.
@@ -163,32 +239,30 @@ def record(
     Raises:
         InputError: no stretch is long enough.
     """
-    moved = nose_velocities(fit)
+    velocity, sigma, apart = nose_velocities(fit)
     angles = [fit.gradient(3 + i) for i in range(joints)]
     angle_sigma = np.column_stack([_sigma(slope, slope @ fit.covariance) for slope in angles])
-    keep = well_known(moved.sigma, angle_sigma, seen)
+    keep = well_known(sigma, angle_sigma, seen)
     step = float(np.median(np.diff(fit.basis.time)))
     fewest = int(np.ceil((SECONDS if fit.beat is None else BEATS / fit.beat) / step))
     kept = [(a, b) for a, b in runs(keep) if b - a >= fewest]
     if not kept:
-        found = longest(runs(keep))
+        found = max((b - a for a, b in runs(keep)), default=0)
+        lost = (f"; {reason} lost in {count} frames" for reason, count in sorted(Counter(reasons.values()).items()))
         what = f"{BEATS:g} beats" if fit.beat is not None else f"{SECONDS:g} s"
         raise InputError(
             f"{source}: the longest usable stretch has {found} frames, expected {fewest} or more ({what})"
-            f"{_lost(reasons)}; record longer, track again, or leave this file out"
+            f"{''.join(lost)}; record longer, track again, or leave this file out"
         )
     # Errors of samples are independent, but joint angles dense enough for a spline.
-    most = 1 if fit.beat is None else int(1.0 / (_SAMPLES * fit.beat * step))
-    every = max(min(moved.apart, most), 1)
+    every = 1 if fit.beat is None else max(min(apart, int(1.0 / (_SAMPLES * fit.beat * step))), 1)
     place = fit.coordinates()
     trials = tuple(
-        _trial(label, fit, place, moved.value, slice(a, b, every), joints, source, roll)
+        _trial(label, fit, place, velocity, slice(a, b, every), joints, source, roll)
         for label, (a, b) in zip(stretch_names(name, len(kept)), kept, strict=True)
     )
-    inside = np.zeros(len(seen), dtype=np.bool_)
-    for a, b in kept:
-        inside[a:b] = True
-    surge, sway, yaw_rate = np.sqrt(np.square(moved.sigma[inside]).mean(axis=0)).tolist()
+    inside = np.isin(np.arange(len(seen)), np.concatenate([np.arange(a, b) for a, b in kept]))
+    surge, sway, yaw_rate = np.sqrt(np.square(sigma[inside]).mean(axis=0)).tolist()
     bridged = int((inside & ~seen).sum())
     return trials, FileReport(
         path=source,
@@ -199,7 +273,7 @@ def record(
         beat=fit.beat,
         speed=float(np.concatenate([trial.velocity[:, 0] for trial in trials]).mean()),
         noise=(surge, sway, yaw_rate),
-        correlation_time=moved.apart * step,
+        correlation_time=apart * step,
         joint_noise=float(np.sqrt(np.square(angle_sigma[inside]).mean())),
         cuts=tuple(Cut(a * step, b * step, _reason(reasons, a, b, len(seen), keep)) for a, b in runs(~inside)),
         notes=(f"{bridged} frames with lost markers bridged",) if bridged else (),
@@ -255,11 +329,6 @@ def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: Bo
     if keep[start:end].all():
         return f"shorter than {BEATS:g} beats"
     return "end of the record, motion half as well known" if start == 0 or end == frames else "motion not known"
-
-
-def _lost(reasons: dict[int, str]) -> str:
-    counts = Counter(reasons.values())
-    return "".join(f"; {reason} lost in {count} frames" for reason, count in sorted(counts.items()))
 
 
 def stretch_names(name: str, count: int) -> list[str]:

@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 
 from mjfish.comparison import Comparison
 from mjfish.data import Dataset
-from mjfish.data.looking import SMOOTHED, for_looking
+from mjfish.data.trial import SMOOTHED, for_looking
 from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
