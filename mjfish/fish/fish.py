@@ -348,7 +348,7 @@ class Fish(Table):
             f"{kind}.{group}": getattr(self.coefficients, kind).root[group] for kind in KINDS for group in self.groups
         }
 
-    @functools.cached_property
+    @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
         return tuple(self._coefficients)

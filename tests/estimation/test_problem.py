@@ -82,7 +82,7 @@ def test_the_jacobian_is_the_derivative_of_the_prediction(posed: Problem, column
 
 
 def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthetic: Dataset) -> None:
-    """All formulas on at once, each by two scales, a limit by six: below it joints do not feel it.
+    """All formulas on at once, each by two scales, a limit by six: below it joints do not feel it; play by one.
 
     Catches a hook that loses a derivative that went in. Left out are random causes; learned forms, which repeat them;
     and a second form of the tail, whose damping takes the place of the first one's: tests/model/test_sensitivity.py.
@@ -97,6 +97,7 @@ def test_the_jacobian_of_every_effect_is_the_derivative_of_the_prediction(synthe
     names = [p.name for p in posed.parameters]
     assert names == [p.name for effect in effects for p in effect.parameters]
     scales = {"servo_rate_limit.slowness": 6.0, "servo_limited_lag.slowness": 6.0}
+    scales |= {p.name: 1.0 for p in posed.parameters if p.group == "servo_backlash"}
     x = posed.start({p.name: p.default + scales.get(p.name, 2.0) * p.scale for p in posed.parameters if not p.shape})
     found = posed.jacobian(x).dense()
     for column, p in enumerate(posed.parameters):
