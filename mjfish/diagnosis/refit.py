@@ -337,9 +337,12 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
     """
     base = evidence.problem
     visible = evidence.minimum_detectable(effect.name) if effect.smooth else None
-    problem = replace(base, model=base.model.extended(effect), declared={**base.declared, **off_null(effect, visible)})
-    if effect.overrides("drive"):
-        problem = replace(problem, slope_step=None)
+    problem = replace(
+        base,
+        model=base.model.extended(effect),
+        declared={**base.declared, **off_null(effect, visible)},
+        slope_step=None if effect.overrides("drive") else base.slope_step,
+    )
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything
     begun = functools.partial(

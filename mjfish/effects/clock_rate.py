@@ -1,4 +1,4 @@
-"""Rate of the camera's clock by that of the drive."""
+"""Rate of the clock of the drive, by the clock of the camera."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from mjfish.parameters import Parameter
 class ClockRate(Effect):
     """What is recorded at t happened at (1 + e) t by the clock of the drive: V_recorded(t) = (1 + e) V((1 + e) t).
 
-    The camera's clock is slow by e, or the drive beats faster than told by e. Both are one: drag and added mass are
-    of second order in the rates, so that a fish that does everything faster takes the same way.
+    The camera's clock is slow by e, or the drive beats faster by e than it was told. Motion cannot tell the two apart:
+    drag and added mass are of second order in the rates, so that a fish which beats faster swims the same path.
     """
 
     name, domain, mechanism = "clock_rate", "data", "clock"

@@ -38,13 +38,13 @@ def balanced(time: FloatArray, angle: FloatArray, rate: FloatArray, acceleration
 
 
 def curved(motion: JointMotion, angle: FloatArray, slope: FloatArray, curvature: FloatArray) -> JointMotion:
-    """Return joints that stand at a function of what they are asked for, c; where it is c itself, the motion as it is.
+    """Return the motion of joints whose angle theta is a function of the command c; theta = c is `motion` itself.
 
         theta' = slope c',   theta'' = slope c'' + curvature c'^2
 
     Args:
-        motion: that is asked for, c.
-        angle, slope, curvature: (n, 3, joints) the function and its first two derivatives there.
+        motion: the command c.
+        angle, slope, curvature: (n, 3, joints) theta and its first two derivatives by c.
     """
     bend = curvature * motion.rate**2
     off = balanced(

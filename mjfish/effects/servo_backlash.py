@@ -28,7 +28,7 @@ def _plays(joints: int) -> tuple[Parameter, ...]:
 
 
 class ServoBacklash(Effect):
-    """The gears of a joint have play of the total width w: after a turn-round it waits until the command is across.
+    """The gears have play of the total width w: when the command reverses, the joint waits until the gap is crossed.
 
     The play operator holds p within half a width of the command c, p(t) = max(c - w/2, min(c + w/2, p(t-))), and
     starts in the middle of the gap. Its rate jumps where a flank is met. Gears and horns give a little: what the play

@@ -344,14 +344,13 @@ class Fish(Table):
 
     @property
     def _coefficients(self) -> dict[str, Coefficient]:
-        return {
-            f"{kind}.{group}": getattr(self.coefficients, kind).root[group] for kind in KINDS for group in self.groups
-        }
+        found = ((name, *name.split(".", 1)) for name in self.coefficient_names)
+        return {name: getattr(self.coefficients, kind).root[group] for name, kind, group in found}
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the coefficients, ``c_m.head`` and so on: kind by kind, in each group by group."""
-        return tuple(self._coefficients)
+        return tuple(f"{kind}.{group}" for kind in KINDS for group in self.groups)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

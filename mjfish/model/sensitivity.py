@@ -137,10 +137,11 @@ def with_sensors(
     seen = []
     for sensor, label, k in zip(trial.sensors, labels, which, strict=True):
         if camera.pointwise(sensor):  # place and heading are mostly those of one point
-            found = filmed(k, sensor.link, sensor.station)[:, slice(2) if sensor.kind == "position" else slice(2, 3)]
+            channels = slice(2) if sensor.kind == "position" else slice(2, 3)
+            found = filmed(k, sensor.link, sensor.station)[:, channels].copy()
         else:
             found = _read_rates(camera, sensor, here[k], there[k])
-        seen.append(_sensed(at, sensor, rollout, label, here[k], found.copy(), names))
+        seen.append(_sensed(at, sensor, rollout, label, here[k], found, names))
     if not compared:
         return np.zeros((len(run.time), len(CHANNELS), len(names))), tuple(seen)
     along, times = along[:, :STATES], times[: len(along)]
@@ -284,7 +285,7 @@ def _direction(at: _At, name: str) -> tuple[Direction | None, FloatArray | None]
     effect = _owner(at.model, name)
     if effect is not None:
         return _of_effect(at, effect, name)
-    if name in at.model.fish.coefficient_names:
+    if name in at.run.coefficients:
         return _of_coefficient(tuple(link.group for link in at.run.fish.links), kind, short), None
     return Direction(**_links(at, _declared(at.model, name), None)), None
 

@@ -52,6 +52,19 @@ def strength(fish: Fish, effect: Effect, sizes: dict[str, float]) -> float:
     return float(np.max(np.sqrt(np.mean(np.concatenate(change) ** 2, axis=0)) / NOISE))
 
 
+def found_again(fish: Fish, effect: Effect, sizes: dict[str, float], least: float = 1.0) -> Fit:
+    """Return the fit to noisy data with the effect: it converges, within four standard deviations of what was planted.
+
+    The effect is stronger than `least`, in units of the noise.
+    """
+    assert strength(fish, effect, sizes) > least
+    found = refitted(synthetic(fish, effect, sizes), effect)
+    assert found.status == "converged"
+    planted = {short: size for short, size in sizes.items() if size}
+    assert max(map(abs, deviations(found, effect, planted).values())) < 4.0
+    return found
+
+
 def derivative_error(fish: Fish, trial: Trial, effect: Effect, values: dict[str, float], short: str) -> float:
     """Return how far the sensitivity is off a difference of whole predictions, relative to the largest.
 

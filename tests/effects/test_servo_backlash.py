@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recovery import derivative_error, deviations, refitted, strength, synthetic
+from recovery import derivative_error, deviations, found_again, refitted, synthetic
 from scipy.integrate import solve_ivp
 
 from mjfish.data import Trial
@@ -89,11 +89,7 @@ def test_its_sensitivity_is_that_of_predictions(pike: Fish, turning: Trial, play
 def test_hidden_play_is_found_again(pike: Fish, sizes: dict[str, float]) -> None:
     """Of all joints, or of one."""
     assert not BACKLASH.smooth
-    assert strength(pike, BACKLASH, sizes) > 1.0
-    found = refitted(synthetic(pike, BACKLASH, sizes), BACKLASH)
-    assert found.status == "converged"
-    worn = {short: size for short, size in sizes.items() if size}
-    assert max(map(abs, deviations(found, BACKLASH, worn).values())) < 4.0
+    found = found_again(pike, BACKLASH, sizes)
     assert all(abs(found.values[f"servo_backlash.{short}"] - size) < 0.004 for short, size in sizes.items())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recovery import derivative_error, deviations, refitted, strength, synthetic
+from recovery import derivative_error, found_again
 
 from mjfish.data import Trial
 from mjfish.drive import cpg
@@ -55,8 +55,5 @@ def test_it_has_a_derivative_at_the_null(pike: Fish, turning: Trial) -> None:
 
 def test_a_hidden_saturation_is_found_again(pike: Fish) -> None:
     sizes = {"psi": 0.15}
-    assert strength(pike, SATURATION, sizes) > 1.0
-    found = refitted(synthetic(pike, SATURATION, sizes), SATURATION)
-    assert found.status == "converged"
-    assert abs(deviations(found, SATURATION, sizes)["psi"]) < 4.0
+    found = found_again(pike, SATURATION, sizes)
     assert found.sigma["servo_saturation.psi"] < 0.02
