@@ -53,6 +53,7 @@ def _zero(rng: np.random.Generator) -> dict[str, float]:
 STRONG: dict[str, Draw] = {
     "time_offset": _one("offset", 0.02, 0.04, signed=True),
     "clock_rate": _one("error", 0.002, 0.004, signed=True),
+    "trim_moment": _one("square", 0.02, 0.04, signed=True),
     "servo_lag": _one("time_constant", 0.03, 0.05),
     "ambient_current": _current,
     "reynolds_drag": lambda rng: {"friction": rng.uniform(1.5, 3.0), "pressure": rng.uniform(0.5, 1.5)},

@@ -41,6 +41,7 @@ _ALL = (
     Mechanism("servo_play", "drive", "the gears have play", "command"),
     Mechanism("joint_zero", "drive", "the zeros of the joints are off", "-"),
     Mechanism("mass_distribution", "body", "masses lie elsewhere", "-"),
+    Mechanism("trim", "body", "a moment turns the fish to one side", "speed"),
     Mechanism("tail_flexibility", "body", "the tail bends", "deflection and its rate"),
     Mechanism("drag_law", "water", "drag is another function of the speed", "local speed, height"),
     Mechanism("lift", "water", "links have lift", "angle of attack, speed"),

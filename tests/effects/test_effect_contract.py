@@ -69,6 +69,7 @@ SHIPPED = {
     "tail_hardening",
     "tail_law",
     "time_offset",
+    "trim_moment",
     "velocity_scale",
     "wake_kernel",
     "wake_memory",

@@ -25,6 +25,7 @@ from mjfish.parameters import Parameter
 VALUES = dict(zip(COEFFICIENTS, (1.0, 0.5, 0.6, 2.0, 1.5, 2.5, 0.02, 0.01, 0.02), strict=True))
 INSIDE = {
     "time_offset": {"offset": 0.013},
+    "trim_moment": {"constant": 0.01, "square": 0.02},
     "clock_rate": {"error": 0.013},
     "servo_lag": {"time_constant": 0.03},
     "ambient_current": {"x": 0.04, "y": -0.03, "held": 0.7},
