@@ -109,20 +109,6 @@ def select(
     return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
 
 
-def forced(left: NoiseSample, jacobians: Mapping[str, FloatArray]) -> tuple[Noise, str]:
-    """Return random accelerations as the noise at every sampling step, and a sentence on it.
-
-    Where the errors of a record are known, what is left beyond them moved the fish.
-
-    Args:
-        left: the residuals, without those errors.
-        jacobians: of the trials.
-    """
-    models = {step: process_noise(left.of_trials(index), jacobians) for step, index in by_step(left.trials).items()}
-    listed = "; ".join(f"every {step:g} s: {_pushed(model)}" for step, model in models.items())
-    return NoiseByRate.of(models), f"noise: beyond the errors of the record, estimated from the data ({listed})"
-
-
 def excess(left: NoiseSample, sigma: FloatArray) -> FloatArray:
     """Return by how many standard errors the spread of residuals is above sigma (3,)."""
     return np.asarray((left.sigma / sigma - 1.0) * np.sqrt(2.0 * left.free))
