@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from abc import ABC
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -309,6 +309,13 @@ def variant(cause: type[Effect], **attributes: Hashable) -> Effect:
     """
     made: Effect = type(cause.__name__, (cause,), {"__module__": cause.__module__, **attributes})()
     return made
+
+
+def each_joint(declared: Parameter, joints: int) -> tuple[Parameter, ...]:
+    """Return a parameter for every joint of a fish, numbered from the head on: ``name_1``, ``name_2``, ..."""
+    return tuple(
+        replace(declared, name=f"{declared.name}_{i}", about=f"{declared.about} {i}") for i in range(1, joints + 1)
+    )
 
 
 def _complaints(cls: type[Effect]) -> Iterator[str]:

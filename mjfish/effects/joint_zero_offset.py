@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mjfish.drive.motion import JointMotion
-from mjfish.effects.effect import Effect, Fingerprint, Values, variant
+from mjfish.effects.effect import Effect, Fingerprint, Values, each_joint, variant
 from mjfish.fish import Fish
 from mjfish.parameters import Parameter
 
-
-def _zeros(joints: int) -> tuple[Parameter, ...]:
-    return tuple(
-        Parameter(f"joint_zero_offset.joint_{i}", "rad", 0.0, -0.3, 0.3, 0.0, 0.01, about=f"zero of joint {i}")
-        for i in range(1, joints + 1)
-    )
+_ZERO = Parameter("joint_zero_offset.joint", "rad", 0.0, -0.3, 0.3, 0.0, 0.01, about="zero of joint")
 
 
 class JointZeroOffset(Effect):
@@ -28,7 +23,7 @@ class JointZeroOffset(Effect):
 
     name, domain, mechanism = "joint_zero_offset", "drive", "joint_zero"
     summary = "the joints are not straight where told or measured to be"
-    parameters = _zeros(4)
+    parameters = each_joint(_ZERO, 4)
     source = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
     signature = "the fish turns where it should swim straight, always to the same side"
     confirm = "photograph the fish from above with all joints at zero, as told or measured"
@@ -38,7 +33,7 @@ class JointZeroOffset(Effect):
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with an offset for every joint of the fish."""
-        return variant(JointZeroOffset, parameters=_zeros(fish.joints))
+        return variant(JointZeroOffset, parameters=each_joint(_ZERO, fish.joints))
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Bend the joints."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from mjfish.drive.motion import JointMotion
 from mjfish.effects.commanded import balanced
-from mjfish.effects.effect import Effect, Fingerprint, Values, variant
+from mjfish.effects.effect import Effect, Fingerprint, Values, each_joint, variant
 from mjfish.fish import Fish
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import compiled, merged
@@ -16,15 +16,10 @@ from mjfish.parameters import Parameter
 _PARTS = 2
 
 
-def _plays(joints: int) -> tuple[Parameter, ...]:
-    plays = (
-        Parameter(f"servo_backlash.joint_{i}", "rad", 0.0, 0.0, 0.3, 0.02, 0.02, about=f"width of the gap of joint {i}")
-        for i in range(1, joints + 1)
-    )
-    contact = Parameter(
-        "servo_backlash.contact", "s", 0.003, 0.0002, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
-    )
-    return *plays, contact
+_PLAY = Parameter("servo_backlash.joint", "rad", 0.0, 0.0, 0.3, 0.02, 0.02, about="width of the gap of joint")
+_CONTACT = Parameter(
+    "servo_backlash.contact", "s", 0.003, 0.0002, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True
+)
 
 
 class ServoBacklash(Effect):
@@ -46,7 +41,7 @@ class ServoBacklash(Effect):
 
     name, domain, mechanism = "servo_backlash", "drive", "servo_play"
     summary = "the gears of the servos have play"
-    parameters = _plays(4)
+    parameters = (*each_joint(_PLAY, 4), _CONTACT)
     source = (
         "Play operator: Visintin, Differential Models of Hysteresis (1994), ch. III; Nordin and Gutman, Automatica 38 "
         "(2002)"
@@ -59,7 +54,7 @@ class ServoBacklash(Effect):
     @classmethod
     def for_fish(cls, fish: Fish) -> Effect:
         """Return the effect with a width for every joint of the fish."""
-        return variant(ServoBacklash, parameters=_plays(fish.joints))
+        return variant(ServoBacklash, parameters=(*each_joint(_PLAY, fish.joints), _CONTACT))
 
     def drive(self, motion: JointMotion, values: Values) -> JointMotion:
         """Take the play off the command."""

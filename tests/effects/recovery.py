@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from pike_coefficients import COEFFICIENTS
 
 from mjfish.data import Dataset, Trial
+from mjfish.drive import cpg
 from mjfish.effects import Effect
 from mjfish.estimation import Fit, Noise, Problem, fit
 from mjfish.fish import Fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
-from mjfish.numerics.arrays import FloatArray
+from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.simulation.synthetic import generate
 
 #: Of surge, sway [m/s] and yaw rate [rad/s].
@@ -63,6 +66,12 @@ def found_again(fish: Fish, effect: Effect, sizes: dict[str, float], least: floa
     planted = {short: size for short, size in sizes.items() if size}
     assert max(map(abs, deviations(found, effect, planted).values())) < 4.0
     return found
+
+
+def with_measured_joints(fish: Fish, trial: Trial) -> Trial:
+    """Return the trial with the angles that its joints were told as measured ones."""
+    command = cpg.joint_motion(fish.cpg, trial.drive, float(trial.time[-1]) + 0.1, 0.005)
+    return replace(trial, drive=(), joint_angle=readonly(command.angle_at(trial.time)))
 
 
 def derivative_error(fish: Fish, trial: Trial, effect: Effect, values: dict[str, float], short: str) -> float:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recovery import derivative_error, found_again
+from recovery import derivative_error, found_again, with_measured_joints
 
 from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
@@ -78,16 +78,10 @@ def test_hidden_offsets_are_found_again(pike: Fish) -> None:
     assert max(found.sigma[f"joint_zero_offset.{short}"] for short in BEND) < 0.01
 
 
-def _measured(pike: Fish, trial: Trial) -> Trial:
-    """Return the trial with the angles that its joints were told as measured ones."""
-    command = cpg.joint_motion(pike.cpg, trial.drive, float(trial.time[-1]) + 0.1, 0.005)
-    return replace(trial, drive=(), joint_angle=readonly(command.angle_at(trial.time)))
-
-
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_sensor_of_a_joint_has_a_zero_too(pike: Fish, turning: Trial, share: float) -> None:
     """Measured angles are moved as commands are, with derivatives. Catches measured joints that are left alone."""
-    trial = _measured(pike, turning)
+    trial = with_measured_joints(pike, turning)
     assert ZERO.not_applicable(Dataset("d", pike, (trial,))) == ""
     assert derivative_error(pike, trial, ZERO, {n: share * bend for n, bend in BEND.items()}, "joint_2") < 1e-7
     tracked = replace(trial, errors=readonly(np.zeros((1, len(trial.time), 3 + len(BEND)))))
