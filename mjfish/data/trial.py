@@ -290,6 +290,15 @@ class Trial:
         return self.from_rest or (self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0))
 
     @property
+    def free_start(self) -> bool:
+        """Whether the velocity at the start is fitted: of a trial that is under way, or whose joints were measured.
+
+        Of a fish at rest, the rate of a measured joint has an error at the first sample, where no earlier one helps.
+        The simulated joint begins with it and the simulated head without its recoil: a momentum that is not there.
+        """
+        return not self.starts_at_rest or self.joints_measured
+
+    @property
     def level_walk(self) -> bool:
         """Whether phase and frequency of the drive are known of the whole run, so that its walk has no trend."""
         return self.wave is not None and self.wave.free

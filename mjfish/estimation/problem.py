@@ -611,7 +611,7 @@ class Problem:
     def _trial_arguments(trial: Trial, values: Mapping[str, float]) -> dict[str, Any]:
         """Return what `Model.predict` takes of a trial alone: velocity and pose at the start, clock offsets."""
         velocity, pose = None, None
-        if not trial.starts_at_rest:
+        if trial.free_start:
             velocity = np.array([values[f"{trial.name}:start.{channel}"] for channel in CHANNELS])
         if any(sensor.kind in _SEES_POSE for sensor in trial.sensors):
             measured = np.zeros(3) if trial.pose is None else np.nan_to_num(trial.pose[0])
@@ -640,12 +640,13 @@ def velocity_residual(trial: Trial, predicted: FloatArray) -> FloatArray:
 def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parameter, ...]:
     """Return what must be fitted in this trial alone.
 
-    Start velocity unless at rest, clock offsets where they are free, frequency and phase of a wave with a clock of its
+    Start velocity where it is free, clock offsets where they are free, frequency and phase of a wave with a clock of its
     own, the modes of its clock's walk, and what sensors see of the pose at the start.
     """
     declared = []
-    if not trial.starts_at_rest:
-        rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, trial.velocity[0], strict=True)
+    if trial.free_start:
+        begun = np.zeros(len(CHANNELS)) if trial.starts_at_rest else trial.velocity[0]
+        rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, begun, strict=True)
         for channel, scale, reach, sd, measured in rows:
             centre = float(np.nan_to_num(measured))
             own = _at_start(f"{trial.name}:start.{channel}", UNITS[channel], centre, reach, scale)
