@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mjfish.cli import console
 from mjfish.numerics.formats import NONE, channel_name, counted, number, p_value, percent, unit
-from mjfish.reporting.notices import notices
+from mjfish.reporting.titles import notices
 
 if TYPE_CHECKING:
     from rich.table import Table

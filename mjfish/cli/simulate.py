@@ -1,4 +1,4 @@
-"""``mjfish simulate``, ``check``, ``export`` and ``view``: fish that swim in either engine, and files of them."""
+"""``mjfish simulate``, ``check``, ``sample``, ``export`` and ``view``: fish that swim in either engine, and files of them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from mjfish.cli import console
 from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError
-from mjfish.files.writing import make_folder, write_json
+from mjfish.files.writing import check_new_folder, make_folder, write_json
 from mjfish.numerics.formats import NONE
 
 if TYPE_CHECKING:
     from mjfish.simulation import Simulation
+
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 CHECKED = ("v1", "v5-v1", "v3-t2")
@@ -81,7 +82,7 @@ def simulate(
     drive = joints if wave is None else parse_wave(wave)
     if out is None:
         from mjfish.mujoco.viewer import check_display, show
-        from mjfish.simulation.viewer import tank
+        from mjfish.simulation.run import tank
 
         check_display()
         console.say("sliders: panel Control on the right", "arrows: force of the water, key B; close the window to end")
@@ -191,3 +192,25 @@ def view(file: Annotated[Path, typer.Argument(help="A .rrd file.")]) -> None:
     from mjfish.reporting.log import view as open_log
 
     open_log(file)
+
+
+def sample(
+    diagnosis: Annotated[
+        Path, typer.Argument(help="JSON of `mjfish diagnose` or `identify`, or a folder with diagnosis.json.")
+    ],
+    out: Annotated[Path, typer.Option(help="New folder for the fish TOMLs.")],
+    n: Annotated[int, typer.Option("--n", min=1, help="How many fish.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
+    effects: console.Own = None,
+) -> None:
+    """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""
+    from mjfish.model.posterior import write_draws
+
+    check_new_folder(out)
+    draws = mjfish.sample(diagnosis, n, seed=seed, effects=effects)
+    origin = f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."
+    files = write_draws(out, draws, [origin])
+    console.say(
+        f"wrote {len(files)} fish to {out}",
+        f"Their band in a run: {console.program()} simulate --fish FISH --draws {out} --out DIR",
+    )

@@ -14,10 +14,9 @@ In reading order:
 """
 
 from mjfish.mujoco import supported  # isort: skip  # first: the others import names that an older MuJoCo has not
-from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.fluid import StripFluid
+from mjfish.mujoco.links import BluntLink, StripLink
 from mjfish.mujoco.mjcf import Trim
 from mjfish.mujoco.rollout import SimRollout, simulate
-from mjfish.mujoco.strip_link import StripLink
 
 __all__ = ["BluntLink", "SimRollout", "StripFluid", "StripLink", "Trim", "simulate", "supported"]

@@ -25,11 +25,9 @@ from mjfish.errors import InputError, MjfishError
 from mjfish.fish.outline import LinkOutline, outline
 from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
-from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.layout import counts, floats, pointer_to
-from mjfish.mujoco.links import Link
+from mjfish.mujoco.links import BluntLink, Link, StripLink
 from mjfish.mujoco.memory import Room, room_in
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.numerics.compiled import compiled
 

@@ -15,9 +15,7 @@ import numpy as np
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import tomlfile
 from mjfish.fish import Section
-from mjfish.mujoco.blunt_link import KEYS
-from mjfish.mujoco.links import Water
-from mjfish.mujoco.strip_link import COEFFICIENTS, StripLink
+from mjfish.mujoco.links import COEFFICIENTS, KEYS, StripLink, Water
 
 #: What every name begins with.
 PREFIX = "strip_fluid"

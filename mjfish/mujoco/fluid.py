@@ -20,9 +20,7 @@ from mjfish.errors.arguments import check as check_type
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics
 from mjfish.mujoco.block import MAGIC, Block, block_of, view
-from mjfish.mujoco.blunt_link import BluntLink
-from mjfish.mujoco.checked import Checked
-from mjfish.mujoco.coupling_choice import Coupling, choose
+from mjfish.mujoco.coupling_choice import Checked, Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
     FRAME,
@@ -35,9 +33,8 @@ from mjfish.mujoco.link_force import (
     take_inertial,
     to_world,
 )
-from mjfish.mujoco.links import Link, link_of, read, with_coefficients
+from mjfish.mujoco.links import DENSEST, BluntLink, Link, StripLink, link_of, read, with_coefficients
 from mjfish.mujoco.memory import room_in
-from mjfish.mujoco.strip_link import DENSEST, StripLink
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.numerics.compiled import compiled
 

@@ -34,8 +34,8 @@ from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.links import StripLink
 from mjfish.mujoco.memory import make_room
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray
 
 Integrator = Literal["RK4", "Euler", "implicitfast", "implicit", "discrete"]

@@ -25,9 +25,9 @@ from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco import mjcf
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.links import StripLink
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import Trim
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray
 
 #: Time step [s], and pictures a second.

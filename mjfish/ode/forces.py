@@ -1,4 +1,4 @@
-"""Forces of the water on every link along a run: drag, added mass, and loads from outside the Morison model.
+"""Velocities of the links, and forces of the water on them, along a run: drag, added mass, loads from outside Morison.
 
 In the frame of a link (x towards the tail, origin at its front joint) the added mass pushes with -(M_ad V' + gamma_ad),
 [Yu2016] eqs. (8) and (13), the drag as in eqs. (9) and (10). The head's acceleration is the one that the equation of
@@ -20,7 +20,7 @@ from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on, me
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import compiled
 from mjfish.ode.equation import STATES, Joints, System, derivative, next_link
-from mjfish.ode.rollout import system_of
+from mjfish.ode.rollout import Rollout, system_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,3 +134,21 @@ def _wrenches(system: System, joints: Joints, states: FloatArray, out: FloatArra
             if loads.addresses.shape[0] > 0:
                 buffers = LoadBuffers(output, state, rates)
                 out[2, k, i, 0], out[2, k, i, 1], out[2, k, i, 2] = loads_on(links, i, i, loads, False, buffers)
+
+
+def link_velocities(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return u, v, w (n, links) of the links' front joints in their frames (x towards the tail), at starts of steps."""
+    state = rollout.state[:, 0]
+    angle, rate = rollout.motion.angle[: len(state), 0].copy(), rollout.motion.rate[: len(state), 0].copy()
+    if fish.tail_compliance > 0.0:
+        angle[:, -1] += state[:, 6]
+        rate[:, -1] += state[:, 7]
+    u, v, w = frames.flip(state[:, :3]).T
+    found = [(u, v, w)]
+    for i, link in enumerate(fish.links[:-1]):
+        c, s = np.cos(angle[:, i]), np.sin(angle[:, i])
+        sway = v + link.length * w
+        u, v, w = c * u + s * sway, c * sway - s * u, w + rate[:, i]
+        found.append((u, v, w))
+    u, v, w = np.moveaxis(np.array(found), 0, 2)
+    return u, v, w

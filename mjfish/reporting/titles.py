@@ -1,12 +1,17 @@
-"""Names for people: what a cause or a mechanism does, and the verdict of a diagnosis as a headline."""
+"""Words for people: what a cause or a mechanism does, the verdict as a headline, and what to know before believing it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.setup import CauseText
 from mjfish.effects.mechanism import MECHANISMS
+
+if TYPE_CHECKING:
+    from mjfish.diagnosis import DiagnosisData
+
 
 #: How the verdicts read.
 VERDICTS = {
@@ -59,3 +64,14 @@ def _listed(titles: Sequence[str], link: str = "and") -> str:
     """Join sentences: the first keeps its capital."""
     first, *others = titles or [""]
     return f", {link} ".join([first, *(title[:1].lower() + title[1:] for title in others)])
+
+
+def notices(diagnosis: DiagnosisData) -> tuple[tuple[str, str, str], ...]:
+    """Return a status that is not good, then all findings about the data, worst first, then all remarks.
+
+    Each with its kind (``status``, ``remark`` of the diagnosis, or the severity of a finding: ``blocks``, ``suspect``
+    or ``remark``), its source (``fit``, ``data`` or ``diagnosis``) and its text.
+    """
+    status = () if diagnosis.status == "ok" else (("status", "fit", f"{diagnosis.status}: {diagnosis.caution}"),)
+    findings = ((f.severity, "data", f"{f.code}: {f.message}") for f in diagnosis.checks.findings)
+    return (*status, *findings, *(("remark", "diagnosis", remark) for remark in diagnosis.remarks))

@@ -12,8 +12,8 @@ import plotly.graph_objects as go
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.numerics.formats import number, unit
+from mjfish.reporting.curves import logarithmic, span, stretches
 from mjfish.reporting.html.figures import COLUMNS, Panel, panels
-from mjfish.reporting.stretches import logarithmic, span, stretches
 
 #: How the quantities of curves read; others by their name.
 QUANTITY_NAMES = {

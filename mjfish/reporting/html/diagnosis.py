@@ -17,11 +17,9 @@ from mjfish.reporting.html.candidates import detectable, grouped, possible, rema
 from mjfish.reporting.html.curves import FormRow, form_rows
 from mjfish.reporting.html.figures import force_figure, overlay_figure, path_figure, worst_path
 from mjfish.reporting.html.methods import methods
+from mjfish.reporting.html.misfit import beat_figure, speed_figure, stretch_figure, worst_stretch
 from mjfish.reporting.html.pages import render
-from mjfish.reporting.html.residuals import beat_figure, speed_figure
-from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
-from mjfish.reporting.notices import notices
-from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title
+from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title, notices
 
 _PARTS = ("start-up", "transition", "steady")
 

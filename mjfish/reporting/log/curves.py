@@ -16,7 +16,7 @@ from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.formats import number, unit
-from mjfish.reporting.stretches import logarithmic, span, stretches
+from mjfish.reporting.curves import logarithmic, span, stretches
 
 #: Width and height of the frame of a curve, and the room around it for labels.
 FRAME = (160.0, 100.0)

@@ -1,7 +1,9 @@
-"""Reading a log back: what was drawn in it, to be drawn once more as a picture."""
+"""Opening a log: in the rerun viewer, or read back to be drawn once more as a picture."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any, cast
@@ -9,12 +11,41 @@ from typing import Any, cast
 import numpy as np
 from rerun.chunk import RrdReader
 
-from mjfish.errors import InputError
+from mjfish.errors import InputError, MjfishError
 from mjfish.mujoco.offscreen import Mesh
 from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.drawing import COLOURS, FORCES, Drawing, Figure
 from mjfish.reporting.log.recording import TIMELINE
 from mjfish.reporting.log.scene import Swimmer
+
+
+class ViewerError(MjfishError, RuntimeError):
+    """The viewer could not be run."""
+
+
+#: First bytes of every .rrd file.
+_MAGIC = b"RRF2"
+
+
+def view(path: Path) -> None:
+    """Open `path` in the rerun viewer; return when it is closed.
+
+    Raises:
+        InputError: the file is absent or no rerun log.
+        ViewerError: the viewer could not be run.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; write a log with --rrd FILE.rrd, or by mjfish simulate --out DIR")
+    with path.open("rb") as stream:
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise InputError(f"{path}: not a rerun log (.rrd); give the file that --rrd wrote")
+    done = subprocess.run([sys.executable, "-m", "rerun", str(path.resolve())], check=False)  # noqa: S603
+    if done.returncode != 0:
+        raise ViewerError(
+            f"{path}: the rerun viewer ended with code {done.returncode}, expected 0; it needs a display: "
+            "copy the file to a machine that has one and run 'rerun FILE.rrd' there"
+        )
+
 
 #: Pieces of one component of one entity: times [s], none of what stays, and values.
 _Pieces = list[tuple[FloatArray | None, Any]]

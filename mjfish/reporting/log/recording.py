@@ -20,7 +20,6 @@ from mjfish.errors import InputError
 from mjfish.files.writing import whole
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.numerics.arrays import FloatArray
-from mjfish.reporting.log.body import normals
 from mjfish.reporting.log.curves import form_tab, log_curves
 from mjfish.reporting.log.drawing import (
     COLOURS,
@@ -32,6 +31,7 @@ from mjfish.reporting.log.drawing import (
     camera_path,
     drawn,
     floor_height,
+    normals,
     reach,
 )
 from mjfish.reporting.log.scene import Run
