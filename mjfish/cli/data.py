@@ -1,4 +1,4 @@
-"""``mjfish generate``, ``mjfish import`` and ``mjfish inspect``: datasets, synthetic and measured, and what is wrong with one."""
+"""``mjfish generate``, ``mjfish import`` and ``mjfish inspect``: make datasets, and look at what is wrong with them."""
 
 from __future__ import annotations
 
@@ -77,8 +77,7 @@ def generate(
         joints=joints,
         joint_noise=joint_noise,
     )
-    path = save(dataset, out)
-    console.say(f"wrote {path} with {len(dataset.trials)} trials")
+    console.say(f"wrote {save(dataset, out)} with {len(dataset.trials)} trials")
 
 
 def import_files(
@@ -164,21 +163,21 @@ def inspect(
 
 def show(report: DataReport) -> None:
     """Print the runs, then what they cannot show, then the findings, worst first."""
-    first = report.summary().partition("\n")[0]
-    console.say((first, "bold"))
+    console.say((report.summary().partition("\n")[0], "bold"))
     headings = ("run", "role", "s", "Hz", "surge\nmean m/s", "sway\nrms m/s", "yaw rate\nrms rad/s", "driven by")
     table = console.table("", headings, left=("run", "role", "driven by"))
     for run in report.to_dict()["trials"]:
         sizes = (run["mean"]["surge"], run["rms"]["sway"], run["rms"]["yaw_rate"])
-        role = "held out" if run["held_out"] else "fit"
         table.add_row(
-            run["name"], role, f"{run['duration']:.4g}", f"{run['rate']:.4g}", *map(number, sizes), run["driven_by"]
+            run["name"],
+            "held out" if run["held_out"] else "fit",
+            f"{run['duration']:.4g}",
+            f"{run['rate']:.4g}",
+            *map(number, sizes),
+            run["driven_by"],
         )
-    table.caption = (
-        None
-        if all(trial.measured.any() for trial in report.dataset.trials)
-        else "velocities are those of the smoothed path, for looking"
-    )
+    if not all(trial.measured.any() for trial in report.dataset.trials):
+        table.caption = "velocities are those of the smoothed path, for looking"
     console.show(table)
     for reason in dict.fromkeys(report.undetectable.values()):
         names = ", ".join(name for name, own in report.undetectable.items() if own == reason)

@@ -1,4 +1,4 @@
-"""``mjfish simulate``, ``check``, ``sample``, ``export`` and ``view``: fish that swim in either engine, and files of them."""
+"""``mjfish simulate``, ``check``, ``export``, ``view`` and ``sample``: fish that swim in either engine, and their files."""
 
 from __future__ import annotations
 
@@ -97,8 +97,7 @@ def simulate(
             fish, mode, engine=engine, values=values, effects=known, drive=drive, duration=duration, free=free
         )
 
-    run = swim(fish)
-    diverged = 0
+    run, diverged = swim(fish), 0
     if others and run.status == "ok":
         with console.progress_bar() as tell:
             swum = []
@@ -109,15 +108,16 @@ def simulate(
         run = run.with_band(swum)
     make_folder(out)
     table, log = out / "rollout.csv", out / "rollout.rrd"
+    written = str(table)
     run.write_table(table)
     run.log(log)
     if run.band is not None:
         run.band.write_table(out / "band.csv")
+        written += f", {out / 'band.csv'}"
     if run.status != "ok":
         console.complain(run.status, run.message)
         return False
-    written = f"{table} and {log}" if run.band is None else f"{table}, {out / 'band.csv'} and {log}"
-    console.say(run.summary(), f"wrote {written} (open it with: {console.program()} view {log})")
+    console.say(run.summary(), f"wrote {written} and {log} (open it with: {console.program()} view {log})")
     if diverged:
         console.complain("diverged", f"{diverged} of {len(others)} draws, which the band leaves out")
     return not diverged
@@ -151,20 +151,24 @@ def check(
         for done, name in enumerate(names):
             tell(f"checking {name}", done / len(names))
             results.append(simulation.check(extended_fish, name, coriolis=coriolis))
-    headings = ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order")
-    title = f"{extended_fish.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
-    table = console.table(title, headings, ("mode",))
+    table = console.table(
+        f"{extended_fish.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range",
+        ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order"),
+        left=("mode",),
+    )
     for result in results:
         for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
-            ratios = (f"{level.ratio[channel]:.1e}" for channel in CHANNELS)
-            share = f"{level.worst / result.bound:.2g}"
-            observed = NONE if math.isnan(order) else f"{order:.2f}"
-            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, observed)
+            table.add_row(
+                result.drive,
+                f"{1e3 * level.step:g}",
+                *(f"{level.ratio[channel]:.1e}" for channel in CHANNELS),
+                f"{level.worst / result.bound:.2g}",
+                NONE if math.isnan(order) else f"{order:.2f}",
+            )
         table.add_section()
     console.show(table)
     for result in results:
-        style = f"bold {'green' if result.passed else 'red'}"
-        console.item(f"{result.drive}: {result.status}", result.message, style)
+        console.item(f"{result.drive}: {result.status}", result.message, f"bold {'green' if result.passed else 'red'}")
     passed = all(result.passed for result in results)
     if json_ is not None:
         entries = [{**fields_of(result), "passed": result.passed} for result in results]
@@ -208,8 +212,7 @@ def sample(
 
     check_new_folder(out)
     draws = mjfish.sample(diagnosis, n, seed=seed, effects=effects)
-    origin = f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."
-    files = write_draws(out, draws, [origin])
+    files = write_draws(out, draws, [f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."])
     console.say(
         f"wrote {len(files)} fish to {out}",
         f"Their band in a run: {console.program()} simulate --fish FISH --draws {out} --out DIR",

@@ -142,8 +142,7 @@ def frames(stretch: Stretch, size: Size, rate: float) -> Iterator[tuple[float, N
     count = max(2, round((stretch.end - stretch.start) * stretch.slowdown * rate))
     times = np.linspace(stretch.start, stretch.end, count)
     figures = [figure.at(times) for figure in drawing.figures]
-    path = camera_path(figures, times)
-    azimuth = _azimuth(figures)
+    path, azimuth = camera_path(figures, times), _azimuth(figures)
     distance = _distance(figures, path, azimuth, drawing.length, size)
     with _stage(drawing, figures, size, drawing.length) as stage:
         for k, time in enumerate(times):
@@ -171,9 +170,8 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     middle = 0.5 * (across.min() + across.max()) * right + 0.5 * (up.min() + up.max()) * deep
     middle[2] = every[:, 2].mean()
     bent = [figure.at(times[k : k + 1]) for k in range(len(times)) for figure in figures]
-    room = 2.0 * _LITTLE * drawing.length
+    room, swum = 2.0 * _LITTLE * drawing.length, np.linspace(times[0], times[-1], _POINTS)
     distance = _fitting(np.ptp(across) + room, np.ptp(up) + 2.0 * room, size, _STEEP)
-    swum = np.linspace(times[0], times[-1], _POINTS)
     strokes = [stroke for figure in drawing.figures for stroke in _line(figure.at(swum), drawing.length)]
     strokes += [stroke for figure in bent for stroke in _arrows(figure, 0, drawing.length)]
     with _stage(drawing, bent, size, max(drawing.length, float(np.ptp(across)))) as stage:
@@ -202,22 +200,19 @@ def _instants(stretch: Stretch) -> FloatArray:
     Of a fish that does not get that far, both ends of the stretch.
     """
     times = np.linspace(stretch.start, stretch.end, 2000)
-    path = camera_path(stretch.drawing.figures[:1], times)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    steps = np.diff(camera_path(stretch.drawing.figures[:1], times), axis=0)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
     apart = _APART * stretch.drawing.length
     count = min(int(way[-1] / apart) + 1, _INSTANTS)
-    if count < 2:
-        return np.array([stretch.start, stretch.end])
-    return np.asarray(np.interp(apart * np.arange(count), way, times))
+    return np.asarray(np.interp(apart * np.arange(count), way, times) if count > 1 else times[[0, -1]])
 
 
 def _azimuth(figures: Sequence[Figure]) -> float:
     """Return the direction of the camera [deg]: across the way, so that the fish swim from left to right."""
     start, end = (np.mean([figure.path[k] for figure in figures], axis=0) for k in (0, -1))
     way = end - start
-    heading = math.atan2(way[1], way[0])
-    if np.linalg.norm(way) < 0.05:
-        heading = float(np.mean([figure.heading()[0] for figure in figures]))
+    near = np.linalg.norm(way) < 0.05
+    heading = float(np.mean([figure.heading()[0] for figure in figures])) if near else math.atan2(way[1], way[0])
     return math.degrees(heading) + 90.0
 
 
@@ -244,8 +239,7 @@ def _distance(figures: Sequence[Figure], path: FloatArray, azimuth: float, lengt
 def _fitting(across: float, deep: float, size: Size, tilt: float) -> float:
     """Return the distance [m] from which a patch of the plane is seen."""
     upright = math.tan(math.radians(0.5 * FIELD))
-    level = upright * size[0] / size[1]
-    high = deep * abs(math.sin(math.radians(tilt)))
+    level, high = upright * size[0] / size[1], deep * abs(math.sin(math.radians(tilt)))
     nearer = 0.5 * deep * math.cos(math.radians(tilt))  # the near edge of the patch is nearer to the camera
     return max(0.5 * across / level, 0.5 * high / upright) + nearer
 
@@ -254,10 +248,8 @@ def _line(figure: Figure, length: float, last: int | None = None) -> list[Stroke
     """Return the path of a nose, up to sample `last`."""
     points = figure.path[:last]
     points = points[:: max(1, len(points) // _POINTS)]
-    if len(points) < 2:
-        return []
-    red, green, blue, _ = COLOURS[figure.swimmer]
-    return [Strokes(points[:-1], points[1:], 0.5 * _PATH * length, (red, green, blue, 200))]
+    colour = (*COLOURS[figure.swimmer][:3], 200)
+    return [Strokes(points[:-1], points[1:], 0.5 * _PATH * length, colour)] if len(points) > 1 else []
 
 
 def _arrows(figure: Figure, k: int, length: float) -> list[Strokes]:
@@ -309,32 +301,26 @@ def caption_of(stretch: Stretch, instants: Sequence[float] | None = None) -> Cap
         legend.append((COLOURS[figure.swimmer][:3], f"{figure.words}{ghost}{error}"))
     kinds = [kind for kind in FORCES if any(kind in figure.arrows for figure in drawing.figures)]
     legend += [(FORCES[kind][:3], f"force: {_FORCE_NAMES[kind]}") for kind in kinds]
-    shown = []
+    pace = f"{stretch.slowdown} times slower than swum" if stretch.slowdown > 1 else "as fast as swum"
+    shown = [f"{stretch.start:.1f} to {stretch.end:.1f} s, {pace}"]
     if instants is not None:
-        shown.append(f"at {', '.join(f'{time:.2f}' for time in instants)} s")
-    elif stretch.slowdown > 1:
-        shown.append(f"{stretch.start:.1f} to {stretch.end:.1f} s, {stretch.slowdown} times slower than swum")
-    else:
-        shown.append(f"{stretch.start:.1f} to {stretch.end:.1f} s, as fast as swum")
+        shown = [f"at {', '.join(f'{time:.2f}' for time in instants)} s"]
     if stretch.anchored:
         shown.append(f"all begin at one place at {stretch.start:.1f} s")
     if kinds:
-        bearers = [figure.words for figure in drawing.figures if figure.arrows]
-        on = f" on the fish {bearers[0]}" if len(drawing.figures) > 1 else ""
+        bearer = next(figure.words for figure in drawing.figures if figure.arrows)
+        on = f" on the fish {bearer}" if len(drawing.figures) > 1 else ""
         shown.append(f"forces{on}, 1 N is {100.0 * drawing.scale:.3g} cm")
-        if _cut(stretch):
+        if _longest(stretch) > LONG * drawing.length:
             shown.append(f"cut at {100.0 * LONG * drawing.length:.0f} cm")
     return Caption(title, tuple(legend), tuple(shown))
 
 
-def _cut(stretch: Stretch) -> bool:
-    """Return whether an arrow is longer than what is drawn of it."""
-    for figure in stretch.drawing.figures:
-        within = (figure.time >= stretch.start) & (figure.time <= stretch.end)
-        for _, vectors in figure.arrows.values():
-            if np.any(np.linalg.norm(vectors[within], axis=2) > LONG * stretch.drawing.length):
-                return True
-    return False
+def _longest(stretch: Stretch) -> float:
+    """Return the length of the longest arrow in a stretch [m]."""
+    arrows = ((figure.time, vectors) for figure in stretch.drawing.figures for _, vectors in figure.arrows.values())
+    within = (vectors[(time >= stretch.start) & (time <= stretch.end)] for time, vectors in arrows)
+    return max(float(np.nanmax(np.linalg.norm(vectors, axis=2), initial=0.0)) for vectors in within)
 
 
 def captioned(picture: NDArray[np.uint8], caption: Caption, time: float | None = None) -> Image.Image:
@@ -343,8 +329,7 @@ def captioned(picture: NDArray[np.uint8], caption: Caption, time: float | None =
     draw = ImageDraw.Draw(image, "RGBA")
     size = max(_SMALLEST, round(_LETTERS * image.height))
     font, small = ImageFont.load_default(size), ImageFont.load_default(max(_SMALLEST, round(0.85 * size)))
-    margin, width = size, image.width - 2 * size
-    gap = 1.4 * size
+    margin, width, gap = size, image.width - 2 * size, 1.4 * size
 
     def wide(entry: tuple[Colour, str]) -> float:
         return size + draw.textlength(entry[1], font=small)
@@ -411,22 +396,21 @@ def write(path: Path, stretch: Stretch, progress: Callable[[str, float], None] =
 
 
 def _film(path: Path, stretch: Stretch, progress: Callable[[str, float], None]) -> None:
-    rate, caption = _RATES[path.suffix.lower()], caption_of(stretch)
-    long = stretch.end - stretch.start
-    pictures = (
-        (time, captioned(picture, caption, time))
-        for time, picture in frames(stretch, _SIZES[path.suffix.lower()], rate)
-    )
-    if path.suffix.lower() == ".gif":
-        shown = []
-        for time, image in pictures:
-            progress("drawing", (time - stretch.start) / long)
-            shown.append(image.quantize(_PALETTE, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE))
-        first, *others = shown
-        first.save(path, save_all=True, append_images=others, duration=round(1000.0 / rate), loop=0, optimize=False)
+    suffix, caption = path.suffix.lower(), caption_of(stretch)
+
+    def pictures() -> Iterator[Image.Image]:
+        for time, picture in frames(stretch, _SIZES[suffix], _RATES[suffix]):
+            progress("drawing", (time - stretch.start) / (stretch.end - stretch.start))
+            yield captioned(picture, caption, time)
+
+    if suffix == ".gif":
+        first, *others = (
+            image.quantize(_PALETTE, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for image in pictures()
+        )
+        duration = round(1000.0 / _RATES[suffix])
+        first.save(path, save_all=True, append_images=others, duration=duration, loop=0, optimize=False)
         return
-    opened: Any = imageio.get_writer(path, fps=rate, codec="libx264", quality=7, macro_block_size=2)
+    opened: Any = imageio.get_writer(path, fps=_RATES[suffix], codec="libx264", quality=7, macro_block_size=2)
     with opened as writer:
-        for time, image in pictures:
-            progress("drawing", (time - stretch.start) / long)
+        for image in pictures():
             writer.append_data(np.asarray(image))

@@ -1,17 +1,12 @@
-"""Words for people: what a cause or a mechanism does, the verdict as a headline, and what to know before believing it."""
+"""Words for people: what a cause or a mechanism does, the verdict as a headline, what to know before believing it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from mjfish.diagnosis import DiagnosisData
 from mjfish.diagnosis.setup import CauseText
 from mjfish.effects.mechanism import MECHANISMS
-
-if TYPE_CHECKING:
-    from mjfish.diagnosis import DiagnosisData
-
 
 #: How the verdicts read.
 VERDICTS = {
@@ -67,9 +62,10 @@ def _listed(titles: Sequence[str], link: str = "and") -> str:
 
 
 def notices(diagnosis: DiagnosisData) -> tuple[tuple[str, str, str], ...]:
-    """Return a status that is not good, then all findings about the data, worst first, then all remarks.
+    """Return what JSON, terminal and page all say: a status that is not good, findings about the data, remarks.
 
-    Each with its kind (``status``, ``remark`` of the diagnosis, or the severity of a finding: ``blocks``, ``suspect``
+    The findings are sorted, worst first. Each with its kind (``status``, ``remark`` of the diagnosis, or the severity
+    of a finding: ``blocks``, ``suspect``
     or ``remark``), its source (``fit``, ``data`` or ``diagnosis``) and its text.
     """
     status = () if diagnosis.status == "ok" else (("status", "fit", f"{diagnosis.status}: {diagnosis.caution}"),)

@@ -1,4 +1,4 @@
-"""One simulated run of a fish with its effects, in either engine: what a camera would have measured; and bands of runs."""
+"""One simulated run of a fish with its effects, in either engine, as a camera would measure it; and bands of runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of the misfit of a diagnosis: the stretch on which the nominal model is worst, what is left over beat and speed."""
+"""Figures of the misfit of a diagnosis: where the nominal model is worst, and the mean residual over beat and speed."""
 
 from __future__ import annotations
 
@@ -51,8 +51,7 @@ def worst_stretch(diagnosis: DiagnosisData) -> WorstStretch:
 
     They are of held-out trials, or of any where none is held out.
     """
-    overlays = [overlay for overlay in diagnosis.overlays if overlay.held_out] or list(diagnosis.overlays)
-    found = [_worst(diagnosis, overlay, k) for overlay in overlays for k in range(len(CHANNELS))]
+    found = (_worst(diagnosis, overlay, k) for overlay in _shown(diagnosis) for k in range(len(CHANNELS)))
     return max(found, key=lambda pair: pair[0])[1]
 
 
@@ -72,19 +71,16 @@ def _worst(diagnosis: DiagnosisData, overlay: Overlay, k: int) -> tuple[float, W
     """Return the mean square error, by the range of the channel, of the worst stretch of a channel; and the stretch."""
     measured = overlay.trial.velocity[:, k]
     error = measured - scored_predictions(diagnosis, overlay)["nominal"][:, k]
-    length = _samples(overlay)
-    seen = measured[np.isfinite(measured)]
+    seen, length = measured[np.isfinite(measured)], _samples(overlay)
     width = max(float(np.ptp(seen)), 1e-12) if len(seen) else np.inf
-    squares = np.where(np.isfinite(error), error / width, 0.0) ** 2
-    means = sliding_window_view(squares, length).mean(axis=1)
+    means = sliding_window_view(np.where(np.isfinite(error), error / width, 0.0) ** 2, length).mean(axis=1)
     first = int(np.argmax(means))
     return float(means[first]), WorstStretch(overlay, CHANNELS[k], first, first + length)
 
 
 def _samples(overlay: Overlay) -> int:
     """Return how many samples `_BEATS` beats of a trial have; all of a shorter one."""
-    beats = abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
-    count = len(overlay.trial.time)
+    count, beats = len(overlay.trial.time), abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
     return min(count, max(int(np.ceil(count * _BEATS / max(beats, 1e-9))), 2))
 
 
@@ -109,8 +105,7 @@ def speed_figure(diagnosis: DiagnosisData) -> go.Figure:
 
     Each of `SPEEDS` bins has as many samples. The measured surge is no axis: its noise is in the residual, too.
     """
-    surge = np.concatenate([overlay.nominal[:, 0] for overlay in _shown(diagnosis)])
-    index, centre = by_quantiles(surge, SPEEDS)
+    index, centre = by_quantiles(np.concatenate([overlay.nominal[:, 0] for overlay in _shown(diagnosis)]), SPEEDS)
     return _mean_figure(diagnosis, index, centre).update_xaxes(title_text="surge of the nominal model [m/s]")
 
 
@@ -129,19 +124,16 @@ def by_quantiles(values: FloatArray, bins: int) -> tuple[NDArray[np.int_], Float
         return np.full(len(values), -1), np.full(bins, np.nan)
     edges = np.quantile(values[finite], np.arange(1, bins) / bins)
     index = np.where(finite, np.searchsorted(edges, np.where(finite, values, 0.0), side="right"), -1)
-    means = [values[index == k].mean() if np.any(index == k) else np.nan for k in range(bins)]
-    return index, np.array(means)
+    return index, np.array([values[index == k].mean() if np.any(index == k) else np.nan for k in range(bins)])
 
 
 def binned(index: NDArray[np.int_], residual: FloatArray, bins: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and its standard error (bins, 3) of residuals (n, 3) by bin (n,); NaN in empty bins."""
-    mean, error = np.full((bins, 3), np.nan), np.full((bins, 3), np.nan)
-    for k in range(bins):
-        for channel in range(3):
-            inside = residual[np.isfinite(residual[:, channel]) & (index == k), channel]
-            if len(inside) > 1:
-                mean[k, channel] = inside.mean()
-                error[k, channel] = inside.std(ddof=1) / np.sqrt(len(inside))
+    mean, error = np.full((2, bins, 3), np.nan)
+    for k, channel in np.ndindex(bins, 3):
+        inside = residual[np.isfinite(residual[:, channel]) & (index == k), channel]
+        if len(inside) > 1:
+            mean[k, channel], error[k, channel] = inside.mean(), inside.std(ddof=1) / np.sqrt(len(inside))
     return mean, error
 
 

@@ -31,8 +31,10 @@ from mjfish.simulation import CrossCheck, Simulation
 
 #: Colours of trials, in turn.
 _TRIALS = ("extended", "nominal", "measured", "ink", "muted")
-#: Options of a plan that are drawn.
-_OPTIONS = 12
+#: Colours of joints, head to tail from dark to light.
+_JOINTS = ("ink", "extended", "muted", "measured")
+#: Options of a plan that are drawn, and runs of a dataset whose figure is open at first.
+_OPTIONS, _OPEN = 12, 4
 #: Bars of a mechanism in the splits: attribute of its share, words, colour.
 _LEVELS = (
     ("count", "named", "extended"),
@@ -62,8 +64,8 @@ def _(result: Splits) -> go.Figure:
     """Draw in how many splits each mechanism is named, certain, or a part of the best."""
     shares, count = result.mechanisms[::-1], len(result.diagnosed)
     bars = {words: ([getattr(share, level) for share in shares], colour) for level, words, colour in _LEVELS}
-    drawn = _level_bars([share.name for share in shares], bars)
-    return drawn.update_xaxes(title_text=f"splits of {count}", range=[0, max(count, 1)]).update_layout(barmode="stack")
+    drawn = _level_bars([share.name for share in shares], bars).update_layout(barmode="stack")
+    return drawn.update_xaxes(title_text=f"splits of {count}", range=[0, max(count, 1)])
 
 
 def _level_bars(names: Sequence[str], bars: Mapping[str, tuple[Sequence[float], str]]) -> go.Figure:
@@ -86,9 +88,8 @@ def _(result: Identification) -> go.Figure:
 def _(result: Dataset) -> go.Figure:
     """Draw the velocities of every trial over time."""
     drawn, of_channels = _velocities()
-    trials = [for_looking(trial) for trial in result.trials]
     for k, panel in enumerate(of_channels):
-        for trial, colour in zip(trials, itertools.cycle(_TRIALS), strict=False):
+        for trial, colour in zip(map(for_looking, result.trials), itertools.cycle(_TRIALS), strict=False):
             panel.curve(trial.time, trial.velocity[:, k], colour, html.escape(trial.name))
     return drawn.update_layout(title_text=None if all(trial.measured.any() for trial in result.trials) else SMOOTHED)
 
@@ -108,8 +109,8 @@ def _(result: Simulation) -> go.Figure:
 def _velocities() -> tuple[go.Figure, list[Panel]]:
     """Return an empty figure of the velocities over time, and its panels, one a channel."""
     drawn = panels(len(VELOCITIES), height=480, headings=VELOCITIES, shared_xaxes=True, vertical_spacing=0.075)
-    of_channels = [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
-    return drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES)), of_channels
+    drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES))
+    return drawn, [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
 
 
 @figure.register
@@ -134,14 +135,15 @@ def _(result: Comparison) -> go.Figure:
 @figure.register
 def _(result: Plan) -> go.Figure:
     """Draw what the best options do: probability of the right verdict, or minimum detectable effect, now and after."""
-    separate = result.question.purpose == "separate"
     options = result.options[:_OPTIONS][::-1]
-    kind = "probability_" if separate else ""
+    separate = result.question.purpose == "separate"
+    kind, title = (
+        ("probability_", "probability of the right verdict") if separate else ("", "minimum detectable effect")
+    )
     bars = {
         when: ([getattr(option.worst, kind + when) for option in options], colour)
         for when, colour in (("now", "measured"), ("after", "extended"))
     }
-    title = "probability of the right verdict" if separate else "minimum detectable effect"
     return _level_bars([option.name for option in options], bars).update_xaxes(title_text=title)
 
 
@@ -151,9 +153,8 @@ def _(result: Inspection) -> go.Figure:
     rows = [(str(f.severity), f.code, f.place, f.found, f.remedy) for f in result.findings]
     rows = rows or [("", "", "", "nothing was found", "")]
     cells = [[html.escape(text) for text in column] for column in zip(*rows, strict=True)]
-    headings = ["severity", "code", "place", "found", "remedy"]
     table = go.Table(
-        header={"values": headings, "align": "left"},
+        header={"values": ["severity", "code", "place", "found", "remedy"], "align": "left"},
         cells={"values": cells, "align": "left"},
         columnwidth=[1, 2, 2, 4, 4],
     )
@@ -185,7 +186,6 @@ def write_report(result: Any, path: Path) -> None:
 
 
 write_report.register(DiagnosisData, write_diagnosis)
-write_report.register(DataReport, write_data_report)
 
 
 @write_report.register
@@ -198,26 +198,29 @@ def _(result: Identification, path: Path) -> None:
     assessment = result.assessment
     if assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
-    found = sections(result.dataset.name, assessment.residuals, assessment.residual_tests)
     name = result.dataset.name
-    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found.values()]
+    found = sections(name, assessment.residuals, assessment.residual_tests).values()
+    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found]
     write_figures(path, *own, title=f"Identification of {name}", lead=result.summary())
 
 
-#: Runs whose figure is open at first.
-_OPEN = 4
-
-
-def write_data_report(report: DataReport, path: Path) -> None:
-    """Write the page, whole or not at all, or raise `InputError`."""
-    first, _, rest = report.summary().partition("\n")
-    findings = [f"{finding.severity}: {finding.code}: {finding.message}" for finding in report.inspection.findings]
-    cannot = [f"{name}: {reason}." for name, reason in report.undetectable.items()]
-    cannot += [f"{', '.join(names)}: not told with the finding {code}." for code, names in report.unclear.items()]
-    held_out = {trial.name for trial in report.dataset.split()[1]}
+@write_report.register
+def _(result: DataReport, path: Path) -> None:
+    """Write findings, causes that the runs cannot show, and the channels run by run."""
+    first, _, rest = result.summary().partition("\n")
+    findings = [f"{finding.severity}: {finding.code}: {finding.message}" for finding in result.inspection.findings]
+    cannot = [f"{name}: {reason}." for name, reason in result.undetectable.items()]
+    cannot += [f"{', '.join(names)}: not told with the finding {code}." for code, names in result.unclear.items()]
+    held_out = {trial.name for trial in result.dataset.split()[1]}
     blocks = tuple(
-        Block(trial.name, _remark(trial, held_out=trial.name in held_out), _channels(trial), shown=number < _OPEN)
-        for number, trial in enumerate(report.dataset.trials)
+        Block(
+            trial.name,
+            f"{'held out' if trial.name in held_out else 'fitted'}, {len(trial.time)} samples at {trial.rate:.4g} Hz, "
+            f"driven by {trial.driven_by}",
+            _channels(trial),
+            shown=number < _OPEN,
+        )
+        for number, trial in enumerate(result.dataset.trials)
     )
     write_figures(
         path,
@@ -226,11 +229,6 @@ def write_data_report(report: DataReport, path: Path) -> None:
         Section("Channels", "As measured, run by run.", {}, blocks),
         title=first.removesuffix("."),
     )
-
-
-def _remark(trial: Trial, *, held_out: bool) -> str:
-    role = "held out" if held_out else "fitted"
-    return f"{role}, {len(trial.time)} samples at {trial.rate:.4g} Hz, driven by {trial.driven_by}"
 
 
 def _channels(trial: Trial) -> go.Figure:
@@ -253,13 +251,7 @@ def _channels(trial: Trial) -> go.Figure:
         panel.heading(title)
     if trial.joint_angle is not None:
         panel = Panel(figure, rows)
-        for angle, colour in zip(trial.joint_angle.T, _colours(trial.joint_angle.shape[1]), strict=True):
-            panel.curve(trial.time, angle, colour)
+        for joint, angle in enumerate(trial.joint_angle.T):
+            panel.curve(trial.time, angle, _JOINTS[joint * len(_JOINTS) // trial.joint_angle.shape[1]])
         panel.heading("joint angles [rad], head to tail from dark to light")
     return figure.update_xaxes(title_text="time [s]", row=rows)
-
-
-def _colours(joints: int) -> list[str]:
-    """Return a colour a joint: the first in ink, the last in the lightest."""
-    scale = ("ink", "extended", "muted", "measured")
-    return [scale[min(joint * len(scale) // max(joints, 1), len(scale) - 1)] for joint in range(joints)]

@@ -86,8 +86,7 @@ def _drawing(found: dict[str, dict[str, _Pieces]], root: str) -> Drawing:
 
 
 def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) -> Figure:
-    about = found[world]
-    links = sum(entity.startswith(f"{world}/link_") for entity in found)
+    about, links = found[world], sum(entity.startswith(f"{world}/link_") for entity in found)
     bodies = [found[f"{world}/link_{k}"] for k in range(links)]
     meshes = tuple(
         Mesh(
@@ -100,11 +99,11 @@ def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) 
     moves = [_over_time(body, "Transform3D:translation") for body in bodies]
     time, place = moves[0][0], np.stack([values[:, 0] for _, values in moves], axis=1)
     turn = np.stack([_over_time(body, "Transform3D:quaternion")[1][:, 0] for body in bodies], axis=1)
-    arrows = {}
-    for kind in FORCES:
-        if (entity := f"{world}/force/{kind}") in found:
-            origins, vectors = (_over_time(found[entity], f"Arrows3D:{name}")[1] for name in ("origins", "vectors"))
-            arrows[kind] = origins, vectors
+    forces = {kind: found[entity] for kind in FORCES if (entity := f"{world}/force/{kind}") in found}
+    arrows = {
+        kind: (_over_time(own, "Arrows3D:origins")[1], _over_time(own, "Arrows3D:vectors")[1])
+        for kind, own in forces.items()
+    }
     error = _static(about, "error")
     return Figure(
         swimmer, _static(about, "words"), _static(about, "ghost"), time, path, meshes, place, turn, arrows,
@@ -124,7 +123,8 @@ def _static(components: dict[str, _Pieces], name: str) -> Any:
 def _over_time(components: dict[str, _Pieces], name: str) -> tuple[FloatArray, FloatArray]:
     """Return times (n,) [s] and values of a component."""
     pieces = [(time, values) for time, values in components[name] if time is not None]
-    time = np.concatenate([piece[0] for piece in pieces])
-    values = np.concatenate([np.array(piece[1], dtype=np.float64) for piece in pieces])
+    time, values = (
+        np.concatenate([np.array(piece, dtype=np.float64) for piece in part]) for part in zip(*pieces, strict=True)
+    )
     order = np.argsort(time, kind="stable")
     return time[order], values[order]

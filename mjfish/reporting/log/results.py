@@ -51,16 +51,16 @@ def events_of(trial: Trial, held_out: bool, swims: Sequence[Swim]) -> tuple[Even
     """
     part = "held-out run: nothing was fitted to it" if held_out else "fitted run"
     start = float(trial.time[0]), f"start of a {part}{', from rest' if trial.starts_at_rest else ''}"
-    found = [start, *_drive(trial), *_gaps(trial), *_short(swims), *_ends(swims)]
-    return tuple(sorted(found, key=lambda event: event[0]))
+    others = (*_drive(trial), *_gaps(trial), *_short(swims), *_ends(swims))
+    return tuple(sorted((start, *others), key=lambda event: event[0]))
 
 
 def _drive(trial: Trial) -> Iterator[Event]:
     for before, after in zip(trial.drive, trial.drive[1:], strict=False):
         changes = []
         if after.omega != before.omega:
-            hertz = (segment.omega / (2.0 * math.pi) for segment in (before, after))
-            changes.append("the beat goes from {:.3g} to {:.3g} Hz".format(*hertz))
+            hertz = " to ".join(f"{segment.omega / (2.0 * math.pi):.3g}" for segment in (before, after))
+            changes.append(f"the beat goes from {hertz} Hz")
         if after.bias != before.bias:
             changes.append("a turn begins" if any(after.bias) else "the turn ends")
         if changes:
@@ -113,11 +113,11 @@ def _(result: Diagnosis, path: Path) -> None:
     if result.gain is not None:
         before, after = (percent(table["pooled"]) for table in (result.gain.nominal, result.gain.extended))
         lines.append(f"Error on held-out trials: {before} of range{f' before, {after} after' if result.best else ''}.")
-    lines.append(
+    lines += [
         "Measured grey, nominal model orange, extended model teal. "
-        "Forces of the water: drag red, added mass blue, what an effect adds yellow."
-    )
-    lines.append(drift(runs))
+        "Forces of the water: drag red, added mass blue, what an effect adds yellow.",
+        drift(runs),
+    ]
     write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines), mechanisms=result.mechanisms)
 
 
@@ -142,8 +142,7 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
     if diagnosis.best:  # then the arrows are drawn on the extended model alone
         values = {name: estimate.estimate for name, estimate in diagnosis.extended.items()}
         extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
-        words = f"with {' and '.join(diagnosis.best)}"
-        swims = [replace(swims[0], forces=None), replace(extended, words=words)]
+        swims = [replace(swims[0], forces=None), replace(extended, words=f"with {' and '.join(diagnosis.best)}")]
     return _compared(trial, diagnosis.nominal_model.fish, swims, overlay.held_out)
 
 
@@ -159,14 +158,23 @@ def _compared(trial: Trial, fish: Fish, simulated: Sequence[Swim], held_out: boo
         pose = travelled(trial.time, trial.velocity, _start(trial))
     measured = Swim("measured", trial.time, trial.velocity, pose, angle, ghost=not trial.joints_measured)
     swims = (measured, *simulated)
-    phase, events = beat_phase(fish.cpg, trial), events_of(trial, held_out, swims)
-    command = None if trial.joints_measured else asked
-    return Run(trial.name, fish, swims, held_out, command=command, phase=phase, events=events)
+    return Run(
+        trial.name,
+        fish,
+        swims,
+        held_out,
+        command=None if trial.joints_measured else asked,
+        phase=beat_phase(fish.cpg, trial),
+        events=events_of(trial, held_out, swims),
+    )
 
 
 def drift(runs: Sequence[Run]) -> str:
     """Return in words how far apart the paths of each run end: they add up what the velocities err."""
-    lines = ["Paths add up the errors of the velocities; the thin ones begin anew on the measured path at every beat."]
+    lines = [
+        "Paths add up the errors of the velocities; the thin ones begin anew on the measured path at every beat.",
+        "",
+    ]
     for run in runs:
         ends = {swim.swimmer: swim.pose[-1, :2] for swim in run.swims if swim.time[-1] == run.swims[0].time[-1]}
         others = [
@@ -176,7 +184,7 @@ def drift(runs: Sequence[Run]) -> str:
         ]
         if others:
             lines.append(f"- {run.name}: at the end {' and '.join(others)} from the measured nose.")
-    return "\n".join([lines[0], "", *lines[1:]])
+    return "\n".join(lines)
 
 
 def _start(trial: Trial) -> FloatArray:
@@ -207,8 +215,8 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
     pose = travelled(trial.time[reached], velocity[reached], _start(trial))
     angle = rollout.motion.angle_at(time[reached])
     angle[:, -1] += state[reached, 6]
-    shown = _forces(run, rollout.motion, rollout.at_steps(), time[reached], pose)
-    return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, shown)
+    forces = _forces(run, rollout.motion, rollout.at_steps(), time[reached], pose)
+    return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, forces)
 
 
 @write_log.register
@@ -223,17 +231,15 @@ def drawn_simulation(result: Simulation) -> Drawing:
 
 
 def _simulated_run(result: Simulation) -> Run:
-    forces = None
+    run, forces = result.prepared, None
     if result.attitude is None and len(result.states) > 1:
-        time = result.prepared.time[: len(result.time)]
-        forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
+        forces = _forces(run, result.motion, result.states, run.time[: len(result.time)], result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    motion = result.prepared.motion
-    command = motion.angle_at(np.minimum(result.time, motion.time[-1]))
+    command = run.motion.angle_at(np.minimum(result.time, run.motion.time[-1]))
     events = [(float(result.time[0]), "start")]
     if result.status != "ok":
         events.append((float(result.time[-1]), f"{result.status}: {result.message}"))
-    return Run(result.drive, result.prepared.fish, (swim,), band=result.band, command=command, events=tuple(events))
+    return Run(result.drive, run.fish, (swim,), band=result.band, command=command, events=tuple(events))
 
 
 def _forces(run: Prepared, motion: JointMotion, states: FloatArray, time: FloatArray, pose: FloatArray) -> LinkForces:
