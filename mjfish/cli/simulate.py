@@ -1,4 +1,4 @@
-"""``mjfish simulate``, ``check``, ``export``, ``view`` and ``sample``: fish that swim in either engine, and their files."""
+"""``mjfish simulate``, ``check``, ``export``, ``view`` and ``sample``: fish that swim, and files of them."""
 
 from __future__ import annotations
 

@@ -101,17 +101,13 @@ class Block:
         bodies = [model.body(link.body).id for link in links]
         self.carriers, self.trees = carriers(model, bodies)
         self.links = records(links, density)
-        self.links["body"] = bodies
-        self.links["carrier"] = np.searchsorted(self.carriers[:, 0], bodies)
-        self.loads = load_rows(loads, len(links))
+        self.links["body"], self.links["carrier"] = bodies, np.searchsorted(self.carriers[:, 0], bodies)
+        self._called, self.loads = loads, load_rows(loads, len(links))
         strips = [link for link in links if isinstance(link, StripLink)] if loads else []
         self.planes = plane_records(model, strips, density)
-        self._called = loads
-        placed = any(load.placed for load, _ in loads)
+        placed, room = any(load.placed for load, _ in loads), room_in(model, memory_of(loads, len(links)))
         arrays = (self.carriers, self.trees, self.links, *self.loads, self.planes)
-        sizes = (model.nbody, model.nv, model.nu, model.na)
-        room = room_in(model, memory_of(loads, len(links)))
-        addresses = (array.ctypes.data for array in arrays)
+        sizes, addresses = (model.nbody, model.nv, model.nu, model.na), (array.ctypes.data for array in arrays)
         self.header = np.array([(inertia, commanded, *sizes, placed, *room, *addresses, *map(len, arrays))], HEADER)
         with _lock:
             if not _free:
@@ -168,27 +164,22 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
     """Return one `SPATIAL` record a link; the ids of bodies are not in it yet."""
     filled = np.zeros(len(links), dtype=SPATIAL)
     for record, link in zip(filled, links, strict=True):
-        record["density"] = density
-        record["origin"] = link.origin
+        record["density"], record["origin"] = density, link.origin
         if isinstance(link, BluntLink):
             record["blunt"] = 1.0
-            record["turn"] = np.eye(3).ravel()
-            record["matrix"] = link.matrix(density).ravel()
+            record["turn"], record["matrix"] = np.eye(3).ravel(), link.matrix(density).ravel()
             record["area"], record["turning"] = link.areas, link.turnings
-            record["volume"] = link.displaced
-            record["center"] = link.origin if link.buoyancy_center is None else link.buoyancy_center
+            record["volume"], record["center"] = link.displaced, link.buoyancy_center or link.origin
             continue
         integrals = outline(link.outline, density, link.start, link.start + link.length)
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
         record["length"] = link.length
-        record["turn"] = link.frame.ravel()
-        record["matrix"] = _matrix(integrals).ravel()
+        record["turn"], record["matrix"] = link.frame.ravel(), _matrix(integrals).ravel()
         if link.volume is not None:
             record["volume"] = link.volume
-        middle = np.array(link.origin) + integrals.centroid * link.frame[0]
-        record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
+        record["center"] = link.buoyancy_center or link.origin + integrals.centroid * link.frame[0]
     _fill_coefficients(filled, links)
     return filled
 
@@ -205,13 +196,11 @@ def _matrix(integrals: LinkOutline) -> FloatArray:
 def _fill_coefficients(filled: RecordArray, links: Sequence[Link]) -> None:
     """Fill the coefficients of links into their `SPATIAL` or `LINK` records."""
     for record, link in zip(filled, links, strict=True):
-        record["c_m"] = link.c_m
-        record["munk"] = link.munk_moment
+        record["c_m"], record["munk"] = link.c_m, link.munk_moment
         if isinstance(link, BluntLink):
             record["c_d"] = link.c_d
             continue
-        record["c_d"] = link.drag_coefficient
-        record["c_f"] = link.c_f
+        record["c_d"], record["c_f"] = link.drag_coefficient, link.c_f
         if "roll_damping" in (filled.dtype.names or ()):
             record["roll_damping"] = link.roll_damping
 
@@ -224,14 +213,11 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
     filled = np.zeros(len(links), dtype=LINK)
     for record, spatial, link in zip(filled, records(links, density), links, strict=True):
         integrals = outline(link.outline, density, link.start, link.start + link.length)
-        for field in LINK.names or ():
-            if field in (SPATIAL.names or ()):
-                record[field] = spatial[field]
-        record["strip_perimeter"] = integrals.strip_perimeter
-        for field in ("coarse_r", "coarse_weight", "coarse_height"):
+        for field in {*(LINK.names or ())} & {*(SPATIAL.names or ())}:
+            record[field] = spatial[field]
+        for field in ("strip_perimeter", "coarse_r", "coarse_weight", "coarse_height"):
             record[field] = getattr(integrals, field)
-        body = model.body(link.body)
-        turn = np.empty(9)
+        body, turn = model.body(link.body), np.empty(9)
         mujoco.mju_quat2Mat(turn, body.iquat)
         record["mass"] = body.mass[0]
         record["com"] = link.frame[0] @ (body.ipos - np.array(link.origin))
@@ -245,16 +231,12 @@ def carriers(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[FloatArray, 
     roots = np.unique(model.body_rootid[list(bodies)])
     ids = np.flatnonzero(np.isin(model.body_rootid, roots) & (np.arange(model.nbody) > 0))
     row_of = {int(body): row for row, body in enumerate(ids)}
-    rows = [
-        (body, row_of.get(int(model.body_parentid[body]), -1), model.body_dofadr[body], model.body_dofnum[body])
-        for body in ids
-    ]
-    trees = []
-    for root in roots:
-        moving = ids[(model.body_rootid[ids] == root) & (model.body_dofnum[ids] > 0)]
-        if len(moving):  # the dofs of a tree are contiguous
-            trees.append((model.body_dofadr[moving].min(), model.body_dofnum[moving].sum()))
-    return np.array(rows, dtype=np.float64), np.array(trees, dtype=np.float64).reshape(-1, TREE)
+    parents = [row_of.get(int(parent), -1) for parent in model.body_parentid[ids]]
+    rows = np.column_stack([ids, parents, model.body_dofadr[ids], model.body_dofnum[ids]]).astype(np.float64)
+    moving = (ids[(model.body_rootid[ids] == root) & (model.body_dofnum[ids] > 0)] for root in roots)
+    # The dofs of a tree are contiguous.
+    trees = [(model.body_dofadr[own].min(), model.body_dofnum[own].sum()) for own in moving if len(own)]
+    return rows, np.array(trees, dtype=np.float64).reshape(-1, TREE)
 
 
 class Water(NamedTuple):

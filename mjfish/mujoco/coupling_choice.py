@@ -49,9 +49,9 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
         coupling = allowed[0]  # where neither is, the remedy of the one that is right more often
         way_out = "" if against[other[coupling]] else f', or use coupling="{other[coupling]}"'
         reasons += [f"coupling '{coupling}': {reason}{way_out}" for reason in against[coupling]]
-    if not reasons:
-        return next(coupling for coupling in allowed if not against[coupling])
-    raise InputError("\n".join(reasons))
+    if reasons:
+        raise InputError("\n".join(reasons))
+    return next(coupling for coupling in allowed if not against[coupling])
 
 
 def _disabled(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
@@ -90,15 +90,13 @@ def _against_either(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     ):
         if wrong:
             yield reason
-    for name in ("density", "viscosity"):
-        value = getattr(model.opt, name)
+    for name, value in (("density", model.opt.density), ("viscosity", model.opt.viscosity)):
         if value > 0.0:
             yield f"MuJoCo's own fluid of {name} {value:g} would act as well; set {name} of <option> to 0"
 
 
 def _against_inertia(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
-    short = [body for body in bodies if not _has_room(model, body)]
-    if short:
+    if short := [body for body in bodies if not _has_room(model, body)]:
         names = _names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(short))
         yield (
             f"MuJoCo stores the inertia of {names} as a diagonal, for it moves alone about its centre of mass; "
@@ -132,14 +130,12 @@ def _against_xfrc(model: mujoco.MjModel) -> Iterator[str]:
             'set integrator="RK4"'
         )
     elif integrator == mujoco.mjtIntegrator.mjINT_EULER and not _disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
-        damped = np.flatnonzero((model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1))
-        if damped.size:
-            names = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
-            yield (
-                f"integrator 'Euler' treats the damping of {names} implicitly, without the added mass; "
-                'set <flag eulerdamp="disable"/> or integrator="RK4"'
-            )
-        for kind, damping in (("actuators", model.actuator_damping), ("tendons", model.tendon_damping)):
+        damped = (model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1)
+        for kind, damping in (
+            (_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped]), damped),
+            ("actuators", model.actuator_damping),
+            ("tendons", model.tendon_damping),
+        ):
             if np.any(damping > 0.0):
                 yield (
                     f"integrator 'Euler' treats the damping of {kind} implicitly, without the added mass; "

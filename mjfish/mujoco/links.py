@@ -41,8 +41,6 @@ SMALLEST, LARGEST = 1e-6, 1e4
 DENSEST = 1e5
 _EXACT = 1e-9  # stations this close are the same [m]
 
-Vector = tuple[float, float, float]
-
 
 def without_arrays(value: object) -> object:
     """Take arrays for tuples."""
@@ -229,11 +227,10 @@ class StripLink(Described):
         if len(extents) != stations:
             raise ValueError(f"{len(extents)} values of {name} for {stations} stations; give one a station")
         for k, extent in enumerate(extents):
-            place = f" at station {k + 1}" if isinstance(value, tuple) else ""
+            before, place = (f" at station {k} and", f" at station {k + 1}") if isinstance(value, tuple) else ("", "")
             if extent < 0.0:
                 raise ValueError(f"{name} is {extent:g} m{place}; must be at least 0; correct it")
             if k and max(extents[k - 1 : k + 1]) <= 0.0:
-                before = f" at station {k} and" if isinstance(value, tuple) else ""
                 raise ValueError(f"{name} is 0 m{before}{place}; must be above 0; correct it")
         return tuple(extents)
 
@@ -252,6 +249,7 @@ class StripLink(Described):
 
 
 _SYMMETRIC = 1e-9  # of the largest entry
+_NONE = (0.0, 0.0, 0.0)  # semiaxes of no ellipsoid
 #: Keys of which a table must have one to be a `BluntLink`.
 KEYS = ("semiaxes", "added_mass")
 
@@ -324,40 +322,31 @@ class BluntLink(Described):
 
     @model_validator(mode="after")
     def _described(self) -> BluntLink:
-        if self.semiaxes is None:
-            for key in ("added_mass", "area", "volume"):
-                if getattr(self, key) is None:
-                    raise ValueError(f"{key}: this key is missing, as there are no 'semiaxes'; add either")
+        for key in ("added_mass", "area", "volume") if self.semiaxes is None else ():
+            if getattr(self, key) is None:
+                raise ValueError(f"{key}: this key is missing, as there are no 'semiaxes'; add either")
         return self
 
     def matrix(self, density: float) -> FloatArray:
         """Return the added mass (6, 6) about the origin, for c_m = 1."""
-        if self.added_mass is not None:
-            return np.array(self.added_mass)
-        assert self.semiaxes is not None  # noqa: S101 - see _described
-        return np.diag(ellipsoid_added_mass(self.semiaxes, density))
+        return np.array(self.added_mass or np.diag(ellipsoid_added_mass(self.semiaxes or _NONE, density)))
 
     @property
     def areas(self) -> FloatArray:
         """S (3,) of the drag [m2]."""
-        if self.area is not None:
-            return np.array(self.area)
-        a, b, c = self.semiaxes or (0.0, 0.0, 0.0)
-        return np.pi * np.array([b * c, c * a, a * b])
+        a, b, c = self.semiaxes or _NONE
+        return np.array(self.area or (np.pi * (b * c), np.pi * (c * a), np.pi * (a * b)))
 
     @property
     def turnings(self) -> FloatArray:
         """T (3,) of the drag [m5]."""
-        if self.turning is not None:
-            return np.array(self.turning)
-        return ellipsoid_turning(self.semiaxes or (0.0, 0.0, 0.0))
+        return np.array(self.turning or ellipsoid_turning(self.semiaxes or _NONE))
 
     @property
     def displaced(self) -> float:
         """Volume [m3]."""
-        if self.volume is not None:
-            return self.volume
-        return float(4.0 / 3.0 * np.pi * np.prod(self.semiaxes or (0.0, 0.0, 0.0)))
+        ellipsoid = float(4.0 / 3.0 * np.pi * np.prod(self.semiaxes or _NONE))
+        return ellipsoid if self.volume is None else self.volume
 
 
 Link = StripLink | BluntLink

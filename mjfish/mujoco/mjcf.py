@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Literal
 
@@ -209,8 +210,8 @@ def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | N
             raise UnknownNameError("coefficient", name, fish.coefficient_names)
     coefficients = {**fish.values, **(values or {})}
     links = []
-    start = 0.0
-    for link in fish.links:
+    starts = accumulate((link.length for link in fish.links), initial=0.0)
+    for link, start in zip(fish.links, starts, strict=False):
         keys: dict[str, Any] = {kind: float(coefficients[f"{kind}.{link.group}"]) for kind in KINDS}
         if free is not None:
             keys["volume"] = link.mass / fish.density
@@ -226,7 +227,6 @@ def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | N
                 **keys,
             )
         )
-        start += link.length
     return tuple(links)
 
 
@@ -246,29 +246,25 @@ def build(fish: Fish, *, free: bool = False, servo: Servo | None = None) -> mujo
     head.add_freejoint(name="root")
     for link, outline in zip(fish.links, outlines(fish), strict=True):
         body = built.body(link.name)
-        body.inertia = inertia(link, outline)
-        body.ipos[2] = -Trim().depth
+        body.inertia, body.ipos[2] = inertia(link, outline), -Trim().depth
     return built
 
 
 def _chain(fish: Fish, servo: Servo) -> mujoco.MjSpec:
     """Build the links with hinges and servos between them; the head has no joint yet. Only I_zz of a link is right."""
-    built = mujoco.MjSpec()
+    built, bits = mujoco.MjSpec(), mujoco.mjtDisableBit
     built.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    bits = mujoco.mjtDisableBit
     built.option.disableflags = bits.mjDSBL_CONTACT | bits.mjDSBL_AUTORESET
     built.worldbody.add_light(pos=(0.0, 0.0, 3.0))
-    parent = built.worldbody
-    front = 0.0  # length of the link in front
+    parent, front = built.worldbody, 0.0  # length of the link in front
     for index, (link, outline) in enumerate(zip(fish.links, outlines(fish), strict=True)):
-        parent = _add_link(parent, link, outline, front)
+        parent, front = _add_link(parent, link, outline, front), link.length
         if index > 0:
             parent.add_joint(name=f"joint_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
             driven = built.add_actuator(
                 name=f"servo_{index}", target=f"joint_{index}", trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
             driven.set_to_position(kp=servo.kp, kv=servo.kv)
-        front = link.length
     return built
 
 

@@ -130,8 +130,7 @@ def simulate(
     if velocity is not None:
         data.qvel[[0, 1, 2 if free is None else 5]] = velocity
     position, speed, acceleration = _steps(fluid, data, command)
-    kept = len(speed)
-    message = ""
+    kept, message = len(speed), ""
     if kept < len(command.time) or not _swims(speed[-1]):
         named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
         message = (
@@ -161,14 +160,13 @@ def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
         angles = euler_angles(position[:, 3:7])
         attitude[:, :2], attitude[:, 2] = angles[:, :2], position[:, 2]
         yaw, yaw_speed = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
-    nose = frames.to_body(speed[:, :2], yaw)
-    return np.column_stack([nose, yaw_speed]), np.column_stack([position[:, :2], yaw]), attitude
+    velocity = np.column_stack([frames.to_body(speed[:, :2], yaw), yaw_speed])
+    return velocity, np.column_stack([position[:, :2], yaw]), attitude
 
 
 def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return qpos (n, nq), qvel and qacc (n, nv) at the boundaries of the steps, until the first that has diverged."""
-    model = fluid.model
-    widths = np.diff(command.time)
+    model, widths = fluid.model, np.diff(command.time)
     asked = command.angle.reshape(len(widths), -1)
     history = tuple(np.empty((len(widths) + 1, size)) for size in (model.nq, model.nv, model.nv))
     advance = _ADVANCE[mujoco.mjtIntegrator(model.opt.integrator)]
@@ -176,8 +174,7 @@ def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tupl
         for step in range(len(widths) + 1):
             if step < len(widths):
                 model.opt.timestep = widths[step]
-                data.userdata[0] = data.time
-                data.userdata[1:] = asked[step]
+                data.userdata[0], data.userdata[1:] = data.time, asked[step]
             # The two halves of mj_step: between them, the accelerations are those at the start of the step.
             mujoco.mj_forward(model, data)
             for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):

@@ -85,8 +85,7 @@ class Tank:
         free: Trim | None = None,
         loads: Sequence[tuple[Load, Sequence[float]]] = (),
     ) -> None:
-        self._fish, self._player, self._free = fish, player, free
-        self.length = fish.length
+        self._fish, self._player, self._free, self.length = fish, player, free, fish.length
         first = {**fish.values, **(values or {})}
         ranges = DRIVE | {
             p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters
@@ -110,10 +109,8 @@ class Tank:
         self.model = compile_aside(spec)
         self.data = mujoco.MjData(self.model)
         self.sliders = {name: servos + k for k, name in enumerate(ranges)}
-        for name, (_, value, _) in ranges.items():
-            self.data.ctrl[self.sliders[name]] = value
-        self._servos = slice(0, servos)
-        self._clock = 0.0
+        self.data.ctrl[[*self.sliders.values()]] = [value for _, value, _ in ranges.values()]
+        self._servos, self._clock = slice(0, servos), 0.0
         self.water = StripFluid(self.model, self._strips(), density=fish.density, coupling="xfrc", loads=loads)
 
     def _strips(self) -> tuple[StripLink, ...]:
