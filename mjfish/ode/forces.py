@@ -47,9 +47,8 @@ class LinkForces:
         Where it passes beside the link, the nearer end of the link.
         """
         lateral = self.axis[..., 0] * wrench[..., 1] - self.axis[..., 1] * wrench[..., 0]
-        safe = np.where(np.abs(lateral) > 1e-12, lateral, np.inf)
-        r = np.clip(wrench[..., 2] / safe, 0.0, self.length)
-        return np.asarray(self.joint + r[..., None] * self.axis)
+        r = wrench[..., 2] / np.where(np.abs(lateral) > 1e-12, lateral, np.inf)
+        return np.asarray(self.joint + np.clip(r, 0.0, self.length)[..., None] * self.axis)
 
 
 def link_forces(
@@ -94,11 +93,9 @@ def link_forces(
     length = np.array([link.length for link in fish.links])
     reach = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
     joint = -full[:, None, 3:5] + np.concatenate([np.zeros((len(state), 1, 2)), reach], axis=1)
-    turned = np.empty_like(wrench)
-    turned[..., 0] = axis[..., 0] * wrench[..., 0] - axis[..., 1] * wrench[..., 1]
-    turned[..., 1] = axis[..., 1] * wrench[..., 0] + axis[..., 0] * wrench[..., 1]
-    turned[..., 2] = wrench[..., 2]
-    return LinkForces(joint, axis, length, *turned)
+    fx, fy, moment = np.moveaxis(wrench, 3, 0)
+    cos, sin = np.moveaxis(axis, 2, 0)
+    return LinkForces(joint, axis, length, *np.stack([cos * fx - sin * fy, sin * fx + cos * fy, moment], axis=3))
 
 
 @compiled
@@ -145,10 +142,9 @@ def link_velocities(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArra
         rate[:, -1] += state[:, 7]
     u, v, w = frames.flip(state[:, :3]).T
     found = [(u, v, w)]
-    for i, link in enumerate(fish.links[:-1]):
-        c, s = np.cos(angle[:, i]), np.sin(angle[:, i])
-        sway = v + link.length * w
-        u, v, w = c * u + s * sway, c * sway - s * u, w + rate[:, i]
+    for link, own, turn in zip(fish.links[:-1], angle.T, rate.T, strict=True):
+        c, s, sway = np.cos(own), np.sin(own), v + link.length * w
+        u, v, w = c * u + s * sway, c * sway - s * u, w + turn
         found.append((u, v, w))
     u, v, w = np.moveaxis(np.array(found), 0, 2)
     return u, v, w

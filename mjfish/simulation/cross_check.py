@@ -156,8 +156,7 @@ def check(
         message = run.message or same.message
         if message:
             break
-        at_ends = np.concatenate([same.state[:, 0], same.state[-1:, 1]])[:, : len(CHANNELS)]
-        difference = np.abs(at_ends - run.velocity).max(axis=0)
+        difference = np.abs(same.at_steps()[:, : len(CHANNELS)] - run.velocity).max(axis=0)
         reach = np.ptp(run.velocity, axis=0)
         span = _by_channel(reach)
         levels.append(Level(step / 2**halving, _by_channel(difference), _by_channel(difference / reach)))
@@ -184,8 +183,8 @@ def loads_of_mode(extended: Extended, mode: str, duration: float) -> LoadsOfRun:
         UnknownNameError: no such mode; the known ones are listed.
         InputError: the run cannot have an effect.
     """
-    segments = modes.drive(mode, extended.fish.joints)
-    trial = Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), segments)
+    time, drive = readonly([0.0, duration]), modes.drive(mode, extended.fish.joints)
+    trial = Trial(mode, None, time, readonly(np.zeros((2, 3))), drive)
     check_can_act(extended.model.effects, trial)
     return extended.loads(trial)
 

@@ -57,8 +57,7 @@ class Band:
 
     def summary(self) -> str:
         """Return the quantiles of the means of the second half, in a line."""
-        surge = " / ".join(f"{value:.3f}" for value in self.mean_surge)
-        yaw = " / ".join(f"{value:.3f}" for value in self.mean_yaw_rate)
+        surge, yaw = (" / ".join(f"{value:.3f}" for value in own) for own in (self.mean_surge, self.mean_yaw_rate))
         levels = " / ".join(f"{level:g}" for level in self.levels)
         return f"{levels} % of {self.fish} draws: mean surge of the second half {surge} m/s, mean yaw rate {yaw} rad/s"
 
@@ -144,8 +143,7 @@ class Simulation(Result):
         if not through:
             raise InputError(f"{self.drive}: none of the draws swam to the end; sample others, or give a slower drive")
         for draw in through:
-            same = (draw.fish, draw.drive) == (self.fish, self.drive) and np.array_equal(draw.time, self.time)
-            if not same:
+            if (draw.fish, draw.drive) != (self.fish, self.drive) or not np.array_equal(draw.time, self.time):
                 raise InputError(
                     f"a draw of {draw.fish} swam {draw.drive} for {draw.time[-1]:g} s, expected {self.fish}, "
                     f"{self.drive}, {self.time[-1]:g} s; give draws of the same fish, simulated alike"
@@ -167,14 +165,12 @@ class Simulation(Result):
         Raises:
             InputError: another suffix, or the file cannot be written.
         """
-        names = ["time", *CHANNELS, *columns.POSE]
-        names += [columns.joint(k + 1) for k in range(self.joint_angle.shape[1])]
-        blocks = [self.time, self.velocity, self.pose, self.joint_angle]
-        if self.attitude is not None:
-            names += columns.ATTITUDE
-            blocks.append(self.attitude)
-        table = np.column_stack(blocks)
-        write_table(path, {columns.header(name): table[:, k] for k, name in enumerate(names)})
+        joints = (columns.joint(k + 1) for k in range(self.joint_angle.shape[1]))
+        free = self.attitude is not None
+        names = ("time", *CHANNELS, *columns.POSE, *joints, *(columns.ATTITUDE if free else ()))
+        blocks = (self.time[:, None], self.velocity, self.pose, self.joint_angle, *((self.attitude,) if free else ()))
+        table = (column for block in blocks for column in block.T)
+        write_table(path, dict(zip(map(columns.header, names), table, strict=True)))
 
 
 def simulate(
@@ -367,11 +363,9 @@ def _in_mujoco(run: Prepared, free: bool) -> _Swum:
         run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads,
         free=mujoco.Trim() if free else None,
     )  # fmt: skip
-    time = np.minimum(run.time, run.motion.time[-1])
-    tail = np.zeros((len(swum.time), 2))
-    series = np.column_stack([swum.velocity, swum.pose, tail, swum.attitude, swum.joint_angle])
+    time, states = np.minimum(run.time, run.motion.time[-1]), np.column_stack([swum.velocity, swum.pose])
+    series = np.column_stack([states, np.zeros((len(states), 2)), swum.attitude, swum.joint_angle])
     at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
-    states = np.column_stack([swum.velocity, swum.pose])
     return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message, swum.motion(), states)
 
 
@@ -389,11 +383,10 @@ def tank(
     The drive goes on with its last beat, a file of joint angles with all of it.
     """
     run, trial = prepared(fish, mode, values=values, effects=effects, drive=drive)
+    beat = float(run.motion.time[-1])
     if trial.drive:
-        beat = 2.0 * math.pi / trial.drive[-1].omega
+        beat = min(beat, 2.0 * math.pi / trial.drive[-1].omega)
     elif trial.wave is not None:
-        beat = 1.0 / trial.wave.frequency
-    else:
-        beat = float(run.motion.time[-1])
-    player = Player(run.motion, min(beat, float(run.motion.time[-1])))
-    return Tank(run.fish, player, values=run.coefficients, free=mujoco.Trim() if free else None, loads=run.loads)
+        beat = min(beat, 1.0 / trial.wave.frequency)
+    trim, player = mujoco.Trim() if free else None, Player(run.motion, beat)
+    return Tank(run.fish, player, values=run.coefficients, free=trim, loads=run.loads)

@@ -110,8 +110,7 @@ def generate(
     for trial_name, mode, start in zip(names, modes, _starts(names, tank, places), strict=True):
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
-        still = readonly(np.zeros((len(time), 3)))
-        drive = table_iv.drive(mode, fish.joints)
+        still, drive = readonly(np.zeros((len(time), 3))), table_iv.drive(mode, fish.joints)
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         if observe == "pose":
             sensors = (
@@ -163,7 +162,7 @@ def _with_joints(
 
 def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sensor:
     """Return a sensor with what it reads and white noise of its sigma."""
-    sigma = np.zeros(read.shape[1]) if sensor.sigma is None else sensor.sigma
+    sigma = 0.0 if sensor.sigma is None else sensor.sigma
     return replace(sensor, values=read + rng.standard_normal(read.shape) * sigma)
 
 
