@@ -3,12 +3,11 @@
 In reading order:
 
 * `supported`: which MuJoCo this needs.
-* `strip_link`, `blunt_link`: what the water must know of a body; `links`: both; `custom_numerics`: the same in an MJCF.
+* `links`: what the water must know of a body; `custom_numerics`: the same in an MJCF.
 * `fluid`: `StripFluid`, water on bodies of any model; `coupling_choice`: which coupling is right for which model.
 * `link_force`: the force on one link; `coupling`: added mass in the equation of motion.
 * `memory`: hidden states of loads.
-* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back;
-  `checked`: what of a model must stay.
+* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `export`: files.
 * `offscreen`: pictures without a window; `viewer`: MuJoCo's own, with sliders.
 """

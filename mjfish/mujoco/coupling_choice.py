@@ -171,7 +171,7 @@ def _constraints(model: mujoco.MjModel) -> Iterator[str]:
             yield constraint
 
 
-#: What `mjfish.mujoco.coupling_choice` and `mjfish.mujoco.memory` read of a model, but for sizes and names, which stay.
+#: What the checks here and in `mjfish.mujoco.memory` read of a model, but for sizes and names, which stay.
 FIELDS = (
     "body_mocapid", "body_rootid", "body_parentid", "body_dofadr", "body_dofnum", "dof_parentid", "M_rownnz",
     "dof_jntid", "dof_damping", "dof_dampingpoly", "dof_frictionloss", "jnt_limited", "geom_contype",

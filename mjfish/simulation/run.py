@@ -166,11 +166,11 @@ class Simulation(Result):
             InputError: another suffix, or the file cannot be written.
         """
         joints = (columns.joint(k + 1) for k in range(self.joint_angle.shape[1]))
-        free = self.attitude is not None
-        names = ("time", *CHANNELS, *columns.POSE, *joints, *(columns.ATTITUDE if free else ()))
-        blocks = (self.time[:, None], self.velocity, self.pose, self.joint_angle, *((self.attitude,) if free else ()))
-        table = (column for block in blocks for column in block.T)
-        write_table(path, dict(zip(map(columns.header, names), table, strict=True)))
+        names = ["time", *CHANNELS, *columns.POSE, *joints]
+        table = np.column_stack([self.time, self.velocity, self.pose, self.joint_angle])
+        if self.attitude is not None:
+            names, table = [*names, *columns.ATTITUDE], np.column_stack([table, self.attitude])
+        write_table(path, {columns.header(name): table[:, k] for k, name in enumerate(names)})
 
 
 def simulate(
