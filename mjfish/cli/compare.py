@@ -70,8 +70,9 @@ def _lines(trial: TrialComparison) -> Iterator[tuple[str, ...]]:
     for channel in trial.channels:
         score = scores[channel, "whole"]
         parts = (scores.get((channel, part)) for part in ("start_up", "steady"))
-        shown = map(number, (score.rmse, score.nrmse, score.fit, *(part and part.nrmse for part in parts)))
-        yield (channel, *shown, *_shift(trial.shifts.get(channel)))
+        others = (NONE if part is None else number(part.nrmse) for part in parts)
+        shown = (number(score.rmse), number(score.nrmse), number(score.fit))
+        yield (channel, *shown, *others, *_shift(trial.shifts.get(channel)))
     if "all" in trial.shifts and len(trial.channels) > 1:
         yield ("all", *[NONE] * 5, *_shift(trial.shifts["all"]))
 

@@ -97,7 +97,8 @@ def show(shown: Table) -> None:
         column.max_width = None if column.no_wrap else _SHORTEST
     narrowest = out.measure(shown, options=out.options.update(width=_ENDLESS)).maximum
     for column in shown.columns:
-        column.max_width, column.no_wrap = None, column.no_wrap and narrowest <= out.width
+        column.max_width = None
+        column.no_wrap = column.no_wrap and narrowest <= out.width
     out.print(shown)
 
 

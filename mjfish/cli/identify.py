@@ -145,7 +145,8 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
 
 
 def _coefficients(result: Identification) -> Table:
-    headings, fit = ("parameter", "estimate", "low", "high", "standard error"), result.fit
+    headings = ("parameter", "estimate", "low", "high", "standard error")
+    fit = result.fit
     table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
     for p in fit.parameters:
         found = (fit.values[p.name], *result.interval(p.name), result.sigma[p.name])

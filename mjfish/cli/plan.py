@@ -102,8 +102,9 @@ def _sizes(found: Plan) -> Table:
     headings = ("do", "seconds", "gains least", "now", "after")
     table = console.table("Minimum detectable effects", headings, ("do", "gains least"))
     for option in _shown(found):
-        seconds, pair = f"{option.seconds:.0f}", option.worst
-        table.add_row(option.name, seconds, pair.first, number(pair.now), number(pair.after), style=_style(option))
+        pair = option.worst
+        cells = f"{option.seconds:.0f}", pair.first, number(pair.now), number(pair.after)
+        table.add_row(option.name, *cells, style=_style(option))
     table.caption = (
         "ranked by the shrinking a second of the one that shrinks least, "
         "and of the sizes that tell apart the mechanisms that are hardest to tell apart"

@@ -97,7 +97,8 @@ def simulate(
             fish, mode, engine=engine, values=values, effects=known, drive=drive, duration=duration, free=free
         )
 
-    run, diverged = swim(fish), 0
+    run = swim(fish)
+    diverged = 0
     if others and run.status == "ok":
         with console.progress_bar() as tell:
             swum = []

@@ -101,13 +101,17 @@ class Block:
         bodies = [model.body(link.body).id for link in links]
         self.carriers, self.trees = carriers(model, bodies)
         self.links = records(links, density)
-        self.links["body"], self.links["carrier"] = bodies, np.searchsorted(self.carriers[:, 0], bodies)
-        self._called, self.loads = loads, load_rows(loads, len(links))
+        self.links["body"] = bodies
+        self.links["carrier"] = np.searchsorted(self.carriers[:, 0], bodies)
+        self.loads = load_rows(loads, len(links))
+        self._called = loads
         strips = [link for link in links if isinstance(link, StripLink)] if loads else []
         self.planes = plane_records(model, strips, density)
-        placed, room = any(load.placed for load, _ in loads), room_in(model, memory_of(loads, len(links)))
+        placed = any(load.placed for load, _ in loads)
+        room = room_in(model, memory_of(loads, len(links)))
         arrays = (self.carriers, self.trees, self.links, *self.loads, self.planes)
-        sizes, addresses = (model.nbody, model.nv, model.nu, model.na), (array.ctypes.data for array in arrays)
+        sizes = (model.nbody, model.nv, model.nu, model.na)
+        addresses = (array.ctypes.data for array in arrays)
         self.header = np.array([(inertia, commanded, *sizes, placed, *room, *addresses, *map(len, arrays))], HEADER)
         with _lock:
             if not _free:
@@ -164,19 +168,23 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
     """Return one `SPATIAL` record a link; the ids of bodies are not in it yet."""
     filled = np.zeros(len(links), dtype=SPATIAL)
     for record, link in zip(filled, links, strict=True):
-        record["density"], record["origin"] = density, link.origin
+        record["density"] = density
+        record["origin"] = link.origin
         if isinstance(link, BluntLink):
             record["blunt"] = 1.0
-            record["turn"], record["matrix"] = np.eye(3).ravel(), link.matrix(density).ravel()
+            record["turn"] = np.eye(3).ravel()
+            record["matrix"] = link.matrix(density).ravel()
             record["area"], record["turning"] = link.areas, link.turnings
-            record["volume"], record["center"] = link.displaced, link.buoyancy_center or link.origin
+            record["volume"] = link.displaced
+            record["center"] = link.buoyancy_center or link.origin
             continue
         integrals = outline(link.outline, density, link.start, link.start + link.length)
         for field in SPATIAL.names or ():
             if hasattr(integrals, field):
                 record[field] = getattr(integrals, field)
         record["length"] = link.length
-        record["turn"], record["matrix"] = link.frame.ravel(), _matrix(integrals).ravel()
+        record["turn"] = link.frame.ravel()
+        record["matrix"] = _matrix(integrals).ravel()
         if link.volume is not None:
             record["volume"] = link.volume
         record["center"] = link.buoyancy_center or link.origin + integrals.centroid * link.frame[0]
@@ -196,11 +204,13 @@ def _matrix(integrals: LinkOutline) -> FloatArray:
 def _fill_coefficients(filled: RecordArray, links: Sequence[Link]) -> None:
     """Fill the coefficients of links into their `SPATIAL` or `LINK` records."""
     for record, link in zip(filled, links, strict=True):
-        record["c_m"], record["munk"] = link.c_m, link.munk_moment
+        record["c_m"] = link.c_m
+        record["munk"] = link.munk_moment
         if isinstance(link, BluntLink):
             record["c_d"] = link.c_d
             continue
-        record["c_d"], record["c_f"] = link.drag_coefficient, link.c_f
+        record["c_d"] = link.drag_coefficient
+        record["c_f"] = link.c_f
         if "roll_damping" in (filled.dtype.names or ()):
             record["roll_damping"] = link.roll_damping
 
@@ -217,7 +227,8 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
             record[field] = spatial[field]
         for field in ("strip_perimeter", "coarse_r", "coarse_weight", "coarse_height"):
             record[field] = getattr(integrals, field)
-        body, turn = model.body(link.body), np.empty(9)
+        body = model.body(link.body)
+        turn = np.empty(9)
         mujoco.mju_quat2Mat(turn, body.iquat)
         record["mass"] = body.mass[0]
         record["com"] = link.frame[0] @ (body.ipos - np.array(link.origin))

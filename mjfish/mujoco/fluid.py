@@ -147,7 +147,8 @@ class StripFluid:
         if links is None:
             water = custom_numerics.read(model)
             links, density = water.links, water.density if density is None else density
-        self.model, self.links = model, _links(links)
+        self.model = model
+        self.links = _links(links)
         density = 1000.0 if density is None else density
         if isinstance(density, bool) or not isinstance(density, Real) or not 0.0 < density <= DENSEST:
             raise InputError(

@@ -246,19 +246,22 @@ def build(fish: Fish, *, free: bool = False, servo: Servo | None = None) -> mujo
     head.add_freejoint(name="root")
     for link, outline in zip(fish.links, outlines(fish), strict=True):
         body = built.body(link.name)
-        body.inertia, body.ipos[2] = inertia(link, outline), -Trim().depth
+        body.inertia = inertia(link, outline)
+        body.ipos[2] = -Trim().depth
     return built
 
 
 def _chain(fish: Fish, servo: Servo) -> mujoco.MjSpec:
     """Build the links with hinges and servos between them; the head has no joint yet. Only I_zz of a link is right."""
-    built, bits = mujoco.MjSpec(), mujoco.mjtDisableBit
+    built = mujoco.MjSpec()
+    bits = mujoco.mjtDisableBit
     built.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     built.option.disableflags = bits.mjDSBL_CONTACT | bits.mjDSBL_AUTORESET
     built.worldbody.add_light(pos=(0.0, 0.0, 3.0))
-    parent, front = built.worldbody, 0.0  # length of the link in front
-    for index, (link, outline) in enumerate(zip(fish.links, outlines(fish), strict=True)):
-        parent, front = _add_link(parent, link, outline, front), link.length
+    parent = built.worldbody
+    fronts = (0.0, *(link.length for link in fish.links[:-1]))  # lengths of the links in front
+    for index, (link, outline, front) in enumerate(zip(fish.links, outlines(fish), fronts, strict=True)):
+        parent = _add_link(parent, link, outline, front)
         if index > 0:
             parent.add_joint(name=f"joint_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
             driven = built.add_actuator(

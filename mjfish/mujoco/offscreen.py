@@ -152,9 +152,11 @@ def _pool(bodies: Sequence[tuple[Mesh, Colour]], floor: float, spacing: float, e
     """Return a model of the bodies, each moved freely, above a floor."""
     spec = mujoco.MjSpec()
     spec.stat.extent, spec.stat.center = extent, (0.0, 0.0, 0.0)
-    visual, headlight = spec.visual, spec.visual.headlight
-    visual.global_.fovy, visual.quality.offsamples = FIELD, 4
-    headlight.ambient, headlight.diffuse, headlight.specular = (0.5,) * 3, (0.25,) * 3, (0.05,) * 3
+    visual = spec.visual
+    visual.global_.fovy = FIELD
+    visual.quality.offsamples = 4
+    visual.headlight.ambient, visual.headlight.diffuse = (0.5, 0.5, 0.5), (0.25, 0.25, 0.25)
+    visual.headlight.specular = (0.05, 0.05, 0.05)
     visual.map.znear, visual.map.zfar = 0.01, 60.0
     light = spec.worldbody.add_light(pos=(0.0, 0.0, 4.0 * extent), dir=(0.25, 0.3, -1.0))
     light.type, light.castshadow = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, False

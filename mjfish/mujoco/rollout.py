@@ -130,7 +130,8 @@ def simulate(
     if velocity is not None:
         data.qvel[[0, 1, 2 if free is None else 5]] = velocity
     position, speed, acceleration = _steps(fluid, data, command)
-    kept, message = len(speed), ""
+    kept = len(speed)
+    message = ""
     if kept < len(command.time) or not _swims(speed[-1]):
         named = ", ".join(f"{name} = {value:g}" for name, value in {**fish.values, **(values or {})}.items())
         message = (
@@ -166,7 +167,8 @@ def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return qpos (n, nq), qvel and qacc (n, nv) at the boundaries of the steps, until the first that has diverged."""
-    model, widths = fluid.model, np.diff(command.time)
+    model = fluid.model
+    widths = np.diff(command.time)
     asked = command.angle.reshape(len(widths), -1)
     history = tuple(np.empty((len(widths) + 1, size)) for size in (model.nq, model.nv, model.nv))
     advance = _ADVANCE[mujoco.mjtIntegrator(model.opt.integrator)]
@@ -174,7 +176,8 @@ def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tupl
         for step in range(len(widths) + 1):
             if step < len(widths):
                 model.opt.timestep = widths[step]
-                data.userdata[0], data.userdata[1:] = data.time, asked[step]
+                data.userdata[0] = data.time
+                data.userdata[1:] = asked[step]
             # The two halves of mj_step: between them, the accelerations are those at the start of the step.
             mujoco.mj_forward(model, data)
             for rows, now in zip(history, (data.qpos, data.qvel, data.qacc), strict=True):

@@ -85,7 +85,8 @@ class Tank:
         free: Trim | None = None,
         loads: Sequence[tuple[Load, Sequence[float]]] = (),
     ) -> None:
-        self._fish, self._player, self._free, self.length = fish, player, free, fish.length
+        self._fish, self._player, self._free = fish, player, free
+        self.length = fish.length
         first = {**fish.values, **(values or {})}
         ranges = DRIVE | {
             p.name: (min(p.low, first[p.name]), first[p.name], max(p.high, first[p.name])) for p in fish.parameters
@@ -110,7 +111,8 @@ class Tank:
         self.data = mujoco.MjData(self.model)
         self.sliders = {name: servos + k for k, name in enumerate(ranges)}
         self.data.ctrl[[*self.sliders.values()]] = [value for _, value, _ in ranges.values()]
-        self._servos, self._clock = slice(0, servos), 0.0
+        self._servos = slice(0, servos)
+        self._clock = 0.0
         self.water = StripFluid(self.model, self._strips(), density=fish.density, coupling="xfrc", loads=loads)
 
     def _strips(self) -> tuple[StripLink, ...]:

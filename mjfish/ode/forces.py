@@ -143,7 +143,8 @@ def link_velocities(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArra
     u, v, w = frames.flip(state[:, :3]).T
     found = [(u, v, w)]
     for link, own, turn in zip(fish.links[:-1], angle.T, rate.T, strict=True):
-        c, s, sway = np.cos(own), np.sin(own), v + link.length * w
+        c, s = np.cos(own), np.sin(own)
+        sway = v + link.length * w
         u, v, w = c * u + s * sway, c * sway - s * u, w + turn
         found.append((u, v, w))
     u, v, w = np.moveaxis(np.array(found), 0, 2)

@@ -95,7 +95,8 @@ class Rollout:
     @classmethod
     def of(cls, motion: JointMotion, states: FloatArray, rates: FloatArray, done: int) -> Rollout:
         """Return what `integrate` wrote, of which `done` steps are good, in the forward frame; turns it in place."""
-        kept, ok = max(done, 1), done == len(motion.time) - 1
+        kept = max(done, 1)
+        ok = done == len(motion.time) - 1
         states[:kept, :, :STATES] *= TO_FORWARD
         rates[:kept, :, :STATES] *= TO_FORWARD
         return cls(

@@ -142,7 +142,8 @@ def frames(stretch: Stretch, size: Size, rate: float) -> Iterator[tuple[float, N
     count = max(2, round((stretch.end - stretch.start) * stretch.slowdown * rate))
     times = np.linspace(stretch.start, stretch.end, count)
     figures = [figure.at(times) for figure in drawing.figures]
-    path, azimuth = camera_path(figures, times), _azimuth(figures)
+    path = camera_path(figures, times)
+    azimuth = _azimuth(figures)
     distance = _distance(figures, path, azimuth, drawing.length, size)
     with _stage(drawing, figures, size, drawing.length) as stage:
         for k, time in enumerate(times):
@@ -170,8 +171,9 @@ def still(stretch: Stretch, size: Size) -> tuple[FloatArray, NDArray[np.uint8]]:
     middle = 0.5 * (across.min() + across.max()) * right + 0.5 * (up.min() + up.max()) * deep
     middle[2] = every[:, 2].mean()
     bent = [figure.at(times[k : k + 1]) for k in range(len(times)) for figure in figures]
-    room, swum = 2.0 * _LITTLE * drawing.length, np.linspace(times[0], times[-1], _POINTS)
+    room = 2.0 * _LITTLE * drawing.length
     distance = _fitting(np.ptp(across) + room, np.ptp(up) + 2.0 * room, size, _STEEP)
+    swum = np.linspace(times[0], times[-1], _POINTS)
     strokes = [stroke for figure in drawing.figures for stroke in _line(figure.at(swum), drawing.length)]
     strokes += [stroke for figure in bent for stroke in _arrows(figure, 0, drawing.length)]
     with _stage(drawing, bent, size, max(drawing.length, float(np.ptp(across)))) as stage:
@@ -239,7 +241,8 @@ def _distance(figures: Sequence[Figure], path: FloatArray, azimuth: float, lengt
 def _fitting(across: float, deep: float, size: Size, tilt: float) -> float:
     """Return the distance [m] from which a patch of the plane is seen."""
     upright = math.tan(math.radians(0.5 * FIELD))
-    level, high = upright * size[0] / size[1], deep * abs(math.sin(math.radians(tilt)))
+    level = upright * size[0] / size[1]
+    high = deep * abs(math.sin(math.radians(tilt)))
     nearer = 0.5 * deep * math.cos(math.radians(tilt))  # the near edge of the patch is nearer to the camera
     return max(0.5 * across / level, 0.5 * high / upright) + nearer
 

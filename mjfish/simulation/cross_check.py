@@ -183,8 +183,8 @@ def loads_of_mode(extended: Extended, mode: str, duration: float) -> LoadsOfRun:
         UnknownNameError: no such mode; the known ones are listed.
         InputError: the run cannot have an effect.
     """
-    time, drive = readonly([0.0, duration]), modes.drive(mode, extended.fish.joints)
-    trial = Trial(mode, None, time, readonly(np.zeros((2, 3))), drive)
+    segments = modes.drive(mode, extended.fish.joints)
+    trial = Trial(mode, None, readonly([0.0, duration]), readonly(np.zeros((2, 3))), segments)
     check_can_act(extended.model.effects, trial)
     return extended.loads(trial)
 

@@ -363,7 +363,8 @@ def _in_mujoco(run: Prepared, free: bool) -> _Swum:
         run.fish, run.motion, values=run.coefficients, velocity=run.velocity, loads=run.loads,
         free=mujoco.Trim() if free else None,
     )  # fmt: skip
-    time, states = np.minimum(run.time, run.motion.time[-1]), np.column_stack([swum.velocity, swum.pose])
+    time = np.minimum(run.time, run.motion.time[-1])
+    states = np.column_stack([swum.velocity, swum.pose])
     series = np.column_stack([states, np.zeros((len(states), 2)), swum.attitude, swum.joint_angle])
     at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
     return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message, swum.motion(), states)
@@ -388,5 +389,5 @@ def tank(
         beat = min(beat, 2.0 * math.pi / trial.drive[-1].omega)
     elif trial.wave is not None:
         beat = min(beat, 1.0 / trial.wave.frequency)
-    trim, player = mujoco.Trim() if free else None, Player(run.motion, beat)
-    return Tank(run.fish, player, values=run.coefficients, free=trim, loads=run.loads)
+    trim = mujoco.Trim() if free else None
+    return Tank(run.fish, Player(run.motion, beat), values=run.coefficients, free=trim, loads=run.loads)

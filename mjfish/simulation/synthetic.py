@@ -110,7 +110,8 @@ def generate(
     for trial_name, mode, start in zip(names, modes, _starts(names, tank, places), strict=True):
         role: Role | None = ("held_out" if trial_name in held_out else "fit") if held_out else None
         begin = None if start is None else readonly(np.broadcast_to(start, (len(time), 3)))
-        still, drive = readonly(np.zeros((len(time), 3))), table_iv.drive(mode, fish.joints)
+        still = readonly(np.zeros((len(time), 3)))
+        drive = table_iv.drive(mode, fish.joints)
         sensors = tuple(within(s, 0.0, float(time[-1]), s.name) for s in recording.get("sensors", ()))
         if observe == "pose":
             sensors = (

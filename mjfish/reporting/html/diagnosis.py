@@ -39,7 +39,8 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
     setup, knots = diagnosis.setup, diagnosis.setup.knots
     densest = diagnosis.where.trial if diagnosis.where is not None else ""
-    forms, forces = form_rows(diagnosis.mechanisms), sorted(diagnosis.force, key=lambda found: found.trial != densest)
+    forces = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
+    forms = form_rows(diagnosis.mechanisms)
     return render(
         "diagnosis.html.j2",
         diagnosis=diagnosis,

@@ -50,7 +50,8 @@ def noise_words(noise: Mapping[str, Any]) -> str:
 
 
 def _data(diagnosis: DiagnosisData) -> Iterable[str]:
-    setup, samples = diagnosis.setup, sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
+    setup = diagnosis.setup
+    samples = sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
     held = [overlay.trial.name for overlay in diagnosis.overlays if overlay.held_out]
     fitted = len(diagnosis.overlays) - len(held)
     fits = f"{fitted} {'was' if fitted == 1 else 'were'} fitted, and held out: {', '.join(held)}"

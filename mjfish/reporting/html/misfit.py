@@ -71,7 +71,8 @@ def _worst(diagnosis: DiagnosisData, overlay: Overlay, k: int) -> tuple[float, W
     """Return the mean square error, by the range of the channel, of the worst stretch of a channel; and the stretch."""
     measured = overlay.trial.velocity[:, k]
     error = measured - scored_predictions(diagnosis, overlay)["nominal"][:, k]
-    seen, length = measured[np.isfinite(measured)], _samples(overlay)
+    length = _samples(overlay)
+    seen = measured[np.isfinite(measured)]
     width = max(float(np.ptp(seen)), 1e-12) if len(seen) else np.inf
     means = sliding_window_view(np.where(np.isfinite(error), error / width, 0.0) ** 2, length).mean(axis=1)
     first = int(np.argmax(means))
@@ -80,7 +81,8 @@ def _worst(diagnosis: DiagnosisData, overlay: Overlay, k: int) -> tuple[float, W
 
 def _samples(overlay: Overlay) -> int:
     """Return how many samples `_BEATS` beats of a trial have; all of a shorter one."""
-    count, beats = len(overlay.trial.time), abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
+    count = len(overlay.trial.time)
+    beats = abs(float(overlay.phase[-1] - overlay.phase[0])) / (2.0 * np.pi)
     return min(count, max(int(np.ceil(count * _BEATS / max(beats, 1e-9))), 2))
 
 

@@ -56,7 +56,8 @@ def _triangles(rings: int) -> NDArray[np.uint32]:
 def normals(mesh: Mesh) -> FloatArray:
     """Return the mean direction (m, 3), by area, of the triangles at each vertex."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
-    face, total = np.cross(b - a, c - a), np.zeros_like(mesh.vertices)
+    face = np.cross(b - a, c - a)
+    total = np.zeros_like(mesh.vertices)
     for corner in mesh.triangles.T:
         np.add.at(total, corner, face)
     size = np.linalg.norm(total, axis=1, keepdims=True)
@@ -76,7 +77,8 @@ def link_poses(
     """
     bend = np.concatenate([np.full((len(pose), 1), np.pi), joint_angle], axis=1).cumsum(axis=1)
     axis = np.stack([np.cos(bend), np.sin(bend)], axis=2)  # a link's x axis runs towards the tail
-    length, place = np.array([link.length for link in fish.links]), np.zeros((*bend.shape, 3))
+    length = np.array([link.length for link in fish.links])
+    place = np.zeros((*bend.shape, 3))
     place[:, 1:, :2] = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
     roll, pitch, heave = np.zeros((3, len(pose))) if attitude is None else attitude.T
     head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], pitch, roll])).as_quat()

@@ -86,7 +86,8 @@ def _drawing(found: dict[str, dict[str, _Pieces]], root: str) -> Drawing:
 
 
 def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) -> Figure:
-    about, links = found[world], sum(entity.startswith(f"{world}/link_") for entity in found)
+    about = found[world]
+    links = sum(entity.startswith(f"{world}/link_") for entity in found)
     bodies = [found[f"{world}/link_{k}"] for k in range(links)]
     meshes = tuple(
         Mesh(

@@ -194,7 +194,8 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
 
 def _drive(recording: rr.RecordingStream, root: str, run: Run) -> None:
     """Log angles of the joints, what they were told, the phase of the beat and the events."""
-    names, time = [f"joint_{k + 1}" for k in range(run.fish.joints)], run.swims[0].time
+    names = [f"joint_{k + 1}" for k in range(run.fish.joints)]
+    time = run.swims[0].time
     if run.command is not None:
         _series(recording, f"{root}/joints", "command", time, run.command, names)
     for swim in run.swims:
@@ -291,11 +292,13 @@ def _columns(recording: rr.RecordingStream, entity: str, style: Any, time: Float
 
 def floor_lines(drawing: Drawing) -> list[FloatArray]:
     """Return the lines of a square grid below everything that swims in the run, each (2, 3) [m]."""
-    length, spacing = drawing.length, _SPACING * drawing.length
+    length = drawing.length
+    spacing = _SPACING * length
     places = np.concatenate([figure.path[:, :2] for figure in drawing.figures])
     low = np.floor((places.min(axis=0) - _MARGIN * length) / spacing)
     high = np.ceil((places.max(axis=0) + _MARGIN * length) / spacing)
-    (x0, y0), (x1, y1), z = spacing * low, spacing * high, floor_height(drawing.figures, length)
+    z = floor_height(drawing.figures, length)
+    (x0, y0), (x1, y1) = spacing * low, spacing * high
     rows = [np.array([[x0, y, z], [x1, y, z]]) for y in spacing * np.arange(low[1], high[1] + 1)]
     columns = [np.array([[x, y0, z], [x, y1, z]]) for x in spacing * np.arange(low[0], high[0] + 1)]
     return rows + columns

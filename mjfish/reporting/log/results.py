@@ -231,7 +231,8 @@ def drawn_simulation(result: Simulation) -> Drawing:
 
 
 def _simulated_run(result: Simulation) -> Run:
-    run, forces = result.prepared, None
+    run = result.prepared
+    forces = None
     if result.attitude is None and len(result.states) > 1:
         forces = _forces(run, result.motion, result.states, run.time[: len(result.time)], result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)

@@ -89,7 +89,8 @@ class Run:
         found = self.residuals().get(swimmer)
         if found is None:
             return None
-        rms, spread = np.sqrt(np.mean(found[1] ** 2, axis=0)), np.ptp(self.swims[0].velocity, axis=0)
+        rms = np.sqrt(np.mean(found[1] ** 2, axis=0))
+        spread = np.ptp(self.swims[0].velocity, axis=0)
         there = np.isfinite(rms) & (spread > 0.0)
         return float(np.mean(rms[there] / spread[there])) if np.any(there) else None
 
