@@ -23,7 +23,7 @@ from mjfish.cli import console
 from mjfish.data import Dataset, load_dataset
 from mjfish.diagnosis import Diagnosis
 from mjfish.hydro.load import load
-from mjfish.reporting.film import files as film_files
+from mjfish.reporting import film
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -204,10 +204,10 @@ def test_the_walk_through_an_identification_runs(tmp_path: Path) -> None:
 def test_the_page_of_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its commands write the files that it names; small and short films do for that."""
     skip_without_gl()
-    for suffix in film_files.SUFFIXES:
-        monkeypatch.setitem(film_files._SIZES, suffix, (320, 180))
+    for suffix in film.SUFFIXES:
+        monkeypatch.setitem(film._SIZES, suffix, (320, 180))
     for suffix in (".mp4", ".gif"):
-        monkeypatch.setitem(film_files._RATES, suffix, 2.0)
+        monkeypatch.setitem(film._RATES, suffix, 2.0)
     page = ROOT / "docs" / "render.md"
     (tmp_path / "out").mkdir()
     for command in commands(page):

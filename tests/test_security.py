@@ -30,7 +30,7 @@ _UNSAFE = {"pickle", "marshal", "shelve", "runpy", "code", "yaml", "joblib", "di
 _RUNS_FILES = {"files/user_code.py"}
 #: What goes to workers and comes back from them.
 _SENDS = {"execution/tasks.py", "hydro/load.py", "effects/catalogue.py"}
-_RUNS_PROGRAMS = {"reporting/log/viewer.py", "diagnosis/provenance.py"}
+_RUNS_PROGRAMS = {"reporting/log/reading.py", "diagnosis/provenance.py"}
 
 
 def _trees() -> Iterator[tuple[str, ast.AST]]:

@@ -105,11 +105,10 @@ def show(shown: Table) -> None:
 def listed(paths: Sequence[Path]) -> str:
     """Return paths as text, those of one folder together."""
     folders = {path.parent: [own.name for own in paths if own.parent == path.parent] for path in paths}
-    parts = (
+    return "; ".join(
         str(folder / names[0]) if len(names) == 1 else f"{folder}: {', '.join(names)}"
         for folder, names in folders.items()
     )
-    return "; ".join(parts)
 
 
 @contextmanager
@@ -290,7 +289,7 @@ def numbers(text: str, count: int, what: str) -> list[float]:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) != count or not all(math.isfinite(value) for value in values):
+    if len(values) != count or not all(map(math.isfinite, values)):
         wanted = "a number" if count == 1 else f"{count} numbers separated by commas"
         raise InputError(f"{what}: found '{text}', expected {wanted}; correct it")
     return values
@@ -305,12 +304,12 @@ def assignments(texts: Sequence[str], what: str) -> dict[str, float]:
     """Parse ``NAME=VALUE`` settings, or raise `InputError`."""
     result: dict[str, float] = {}
     for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip():
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not name:
             raise InputError(f"{what}: found '{text}', expected NAME=VALUE, e.g. c_d.head=2.0")
-        if name.strip() in result:
-            raise InputError(f"{what}: '{name.strip()}' is set twice; set it once")
-        result[name.strip()] = numbers(value, 1, f"{what} {name.strip()}")[0]
+        if name in result:
+            raise InputError(f"{what}: '{name}' is set twice; set it once")
+        result[name] = numbers(value, 1, f"{what} {name}")[0]
     return result
 
 

@@ -159,10 +159,10 @@ def new(
         f"fish      {named}",
         *(f"files     {note}" for note in (*layout.notes, *dates)),
     ]
-    files_named = shlex.join(str(path) for path in paths)
-    comments = [f"Made by mjfish dataset new of {files_named}, whose columns are:", *(f"  {line}" for line in taken)]
-    path = save(replace(dataset, name=folder.resolve().name), folder, comments=[*comments, *_CHANGES])
-    console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *(f"  {line}" for line in taken))
+    made = f"Made by mjfish dataset new of {shlex.join(map(str, paths))}, whose columns are:"
+    lines = [f"  {line}" for line in taken]
+    path = save(replace(dataset, name=folder.resolve().name), folder, comments=[made, *lines, *_CHANGES])
+    console.say(f"wrote {folder / path.name} with {len(dataset.trials)} trials", *lines)
     console.say(*_cut(report), f"next: {console.program()} inspect {folder}")
 
 
@@ -269,12 +269,11 @@ def _columns(headers: Sequence[str], given: Mapping[str, str | None], questions:
         kind = cast("Kind", _prompt("What was measured", found.kind, ("velocities", "poses")))
     else:
         kind = "poses" if {"x", "y"} <= set(found.columns) else "velocities"
-    of, guessed = {}, set()
-    for key in KEYS[kind]:
-        known = found.columns.get(key)
-        of[key] = questions.ask(given[key], known, f"Column of {key.replace('_', ' ')}", _FLAGS[key])
-        if given[key] is None and of[key] == known:
-            guessed.add(key)
+    of = {
+        key: questions.ask(given[key], found.columns.get(key), f"Column of {key.replace('_', ' ')}", _FLAGS[key])
+        for key in KEYS[kind]
+    }
+    guessed = {key for key, name in of.items() if given[key] is None and name == found.columns.get(key)}
     return _Columns(kind, of, frozenset(guessed))
 
 
@@ -427,23 +426,21 @@ def _is_toml(text: str) -> bool:
     return True
 
 
-def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assumed: bool) -> list[str]:
-    """Return what each column was taken for, a line each, and whether that was guessed."""
+def _taken(columns: _Columns, drive: _Drive, units: Mapping[str, str], *, assumed: bool) -> Iterator[str]:
+    """Yield what each column was taken for, a line each, and whether that was guessed."""
     from mjfish.data.importers.recognition import UNIT_OF
 
-    lines = []
     for key, header in columns.of.items():
         rate = "/s" if key in ("surge", "sway", "yaw_rate") else ""
         how = "guessed from its header" if key in columns.guessed else "as given"
         how += "; its unit is assumed" if key == "time" and assumed else ""
-        lines.append(f"{key:9} {header} in {units[UNIT_OF[key]]}{rate}, {how}")
+        yield f"{key:9} {header} in {units[UNIT_OF[key]]}{rate}, {how}"
     if drive.joints:
         how = "guessed from their headers" if drive.guessed else "as given"
-        lines.append(f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}")
+        yield f"joints    {', '.join(drive.joints)} in {units['joint']}, {how}"
     else:
         hertz = ", ".join(f"{value:g}" for value in dict.fromkeys(drive.wave["frequency"]))
-        lines.append(f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given")
-    return lines
+        yield f"drive     a wave of {hertz} Hz, amplitude and phase in {units['joint']}, as given"
 
 
 def _joints_taken(table: PosesMap | VelocitiesMap, dataset: Dataset, stated: str | None) -> Iterator[str]:

@@ -190,8 +190,7 @@ def _write(
     json_, report, rrd, extended = files
     on_stdout = console.write_json(result, json_)
     written += [json_] if json_ is not None and not on_stdout else []
-    wanted = (report, (splits or result).report), (rrd, result.log), (extended, partial(_extend, result))
-    console.write(written, *wanted)
+    console.write(written, (report, (splits or result).report), (rrd, result.log), (extended, partial(_extend, result)))
     return on_stdout
 
 

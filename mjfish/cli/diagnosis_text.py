@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mjfish.cli import console
 from mjfish.numerics.formats import NONE, channel_name, counted, number, p_value, percent, unit
-from mjfish.reporting.notices import notices
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from mjfish.diagnosis import DiagnosisData, Estimate, Splits
-    from mjfish.diagnosis.held_out import Gain
     from mjfish.diagnosis.table import Table as Evidence
 
 #: Lines of a diagnosis, where not everything is asked for.
@@ -60,6 +58,8 @@ def show(
         then: words and texts to stand below what was written.
         verbose: all of it and the tables; else `LINES` lines at most.
     """
+    from mjfish.reporting.titles import notices
+
     if result.status != "ok":
         console.complain(result.status, result.caution.replace("DATASET", dataset))
     first = [_Item(result.verdict, result.message, f"bold {_COLOURS[result.verdict]}")]
@@ -78,10 +78,7 @@ def show(
     kept = _fitting(sizes, max(room, 1))
     room = max(room - sum(item.lines() for item in kept), 0)
     shown = remarks if _fitting(remarks, room) == remarks else [item.shortened() for item in remarks][:room]
-    counts = {
-        "more size": len(sizes) - len(kept),
-        "more remark": len(remarks) - len(shown),
-    }
+    counts = {"more size": len(sizes) - len(kept), "more remark": len(remarks) - len(shown)}
     left = [counted(count, what) for what, count in counts.items() if count]
     more = _Item(_word("more"), f"{', '.join([*left, 'steps, candidates, tables'])}: --verbose", "dim")
     _print([*first, *kept, *gain, *shown, *last, more])
@@ -117,9 +114,7 @@ def _sizes(result: DiagnosisData) -> Iterator[_Item]:
     own = {name: value for name, value in result.extended.items() if name.partition(".")[0] in result.best}
     word = "size" if result.verdict == "named" else "rival" if result.rivals else "closest"
     yield from (_size("size", *sized) for row in result.table.random for sized in row.sizes.items())
-    for name, value in own.items():
-        if name not in knots:
-            yield _size(word, name, value)
+    yield from (_size(word, name, value) for name, value in own.items() if name not in knots)
     yield from (_Item(_word("delay"), f"of the joints {told}") for told in result.delays)
     if unread := len(knots.intersection(own)):
         yield _Item(_word(word), f"and {counted(unread, 'value')} of smooth curves, which --json writes")
@@ -132,7 +127,14 @@ def _size(word: str, name: str, value: Estimate) -> _Item:
 def _rest(result: DiagnosisData) -> None:
     """Print what fifteen lines have no room for: tables, where the misfit is, what is unseen."""
     if result.gain is not None:
-        console.show(_gain(result.gain))
+        table = console.table(
+            "Held-out trials: nRMSE before and after",
+            ("channel", "nominal", "extended", "change"),
+            left=("channel", "change"),
+        )
+        for name, _, told, change in result.gain.rows:
+            table.add_row(channel_name(name), *told, change)
+        console.show(table)
     if result.table.rows:
         console.show(_evidence(result.table))
     _biased(result)
@@ -142,15 +144,14 @@ def _rest(result: DiagnosisData) -> None:
 
 def show_splits(result: Splits) -> None:
     """Print how often each mechanism is named and each verdict came, and what every split says."""
-    known = len(result.diagnosed)
-    title = "Mechanisms, by the splits in which they are named"
     table = console.table(
-        title,
+        "Mechanisms, by the splits in which they are named",
         ("mechanism", "named", "with its form", "certain beside rivals", "not named, part of the best"),
         ("mechanism",),
     )
     for share in result.mechanisms:
-        table.add_row(share.name, f"{share.count} of {known}", *map(str, (share.form, share.certain, share.not_named)))
+        named = f"{share.count} of {len(result.diagnosed)}"
+        table.add_row(share.name, named, *map(str, (share.form, share.certain, share.not_named)))
     if table.row_count:
         console.show(table)
     texts = ("held out", "fitted", "verdict", "mechanisms")
@@ -162,14 +163,6 @@ def show_splits(result: Splits) -> None:
     table.caption = "The splits share runs: how often something comes is no probability."
     console.show(table)
     console.say(result.headline())
-
-
-def _gain(gain: Gain) -> Table:
-    title = "Held-out trials: nRMSE before and after"
-    table = console.table(title, ("channel", "nominal", "extended", "change"), ("channel", "change"))
-    for name, _, told, change in gain.rows:
-        table.add_row(channel_name(name), *told, change)
-    return table
 
 
 def _evidence(evidence: Evidence) -> Table:
@@ -208,15 +201,13 @@ def _biased(result: DiagnosisData) -> None:
     """List the coefficients that the missing cause had biased by more than their standard error."""
     from mjfish.estimation.fit import Z95
 
-    moved = []
-    for name, before in result.nominal.items() if result.best else ():
-        after = result.extended.get(name)
-        if after is None:
-            continue
-        error = max((after.high - after.low) / (2.0 * Z95), 1e-300)
-        if abs(after.estimate - before.estimate) > _MOVED * error:
-            moved.append(f"{name} {number(before.estimate)} to {number(after.estimate)}")
-    if moved:
+    both = [(name, value, result.extended[name]) for name, value in result.nominal.items() if name in result.extended]
+    moved = [
+        f"{name} {number(before.estimate)} to {number(after.estimate)}"
+        for name, before, after in both
+        if abs(after.estimate - before.estimate) > _MOVED * max((after.high - after.low) / (2.0 * Z95), 1e-300)
+    ]
+    if moved and result.best:
         console.say(f"Coefficients that had absorbed part of it, without and with the cause: {', '.join(moved)}.")
 
 

@@ -146,8 +146,8 @@ def _show(result: Identification, profiles: Sequence[Profile]) -> None:
 
 def _coefficients(result: Identification) -> Table:
     headings = ("parameter", "estimate", "low", "high", "standard error")
-    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
     fit = result.fit
+    table = console.table(f"{result.dataset.name}: estimates with 95 % intervals", headings, ("parameter",))
     for p in fit.parameters:
         found = (fit.values[p.name], *result.interval(p.name), result.sigma[p.name])
         table.add_row(p.name.replace(":", ":\n"), *(number(value, 4) for value in found))
@@ -160,8 +160,9 @@ def _agreement(result: Identification, assessment: Assessment) -> Table:
     """RMSE and nRMSE of every velocity of whole trials."""
     from mjfish.fish.frames import CHANNELS
 
-    title = "simulated: RMSE / nRMSE, in m/s and rad/s, over the range"
-    table = console.table(title, ("trial", "role", *CHANNELS), ("trial", "role"))
+    table = console.table(
+        "simulated: RMSE / nRMSE, in m/s and rad/s, over the range", ("trial", "role", *CHANNELS), ("trial", "role")
+    )
     found = {(a.trial, a.channel): a for a in assessment.agreement if a.part == "whole" and a.horizon is None}
     for score in result.scores:
         own = (found.get((score.trial, channel)) for channel in CHANNELS)
@@ -184,14 +185,13 @@ def _fits(assessment: Assessment) -> Table:
     from mjfish.estimation.residual import HORIZONS
     from mjfish.fish.frames import CHANNELS
 
-    horizons = (None, *HORIZONS)
-    headings = ("simulated" if horizon is None else f"{horizon} ahead" for horizon in horizons)
-    title = "fit in percent: simulated, and samples ahead"
-    table = console.table(title, ("trial", "channel", *headings), ("trial", "channel"))
+    headings = ("trial", "channel", "simulated", *(f"{horizon} ahead" for horizon in HORIZONS))
+    table = console.table("fit in percent: simulated, and samples ahead", headings, ("trial", "channel"))
     scores = {(a.trial, a.channel, a.horizon): a.fit for a in assessment.agreement if a.part == "whole"}
     for trial in dict.fromkeys(a.trial for a in assessment.agreement):
         for channel in (c for c in CHANNELS if (trial, c, None) in scores):
-            table.add_row(trial, channel, *(number(scores.get((trial, channel, horizon))) for horizon in horizons))
+            fits = (number(scores.get((trial, channel, horizon))) for horizon in (None, *HORIZONS))
+            table.add_row(trial, channel, *fits)
     return table
 
 
@@ -217,8 +217,10 @@ def _words(result: Identification, profiles: Sequence[Profile]) -> Iterator[str]
         held = [r.trial for r in assessment.residuals if r.role == "held_out"]
         seen = (s.free_clock or s.kind in ("position", "heading") for trial in held for s in trial.sensors)
         if any(not trial.starts_at_rest for trial in held) or any(seen):
-            share = percent(PREFIX, 2)
-            yield f"what belongs to a held-out trial alone was fitted on its first {share}, which is not scored"
+            yield (
+                f"what belongs to a held-out trial alone was fitted on its first {percent(PREFIX, 2)}, "
+                "which is not scored"
+            )
     for profile in profiles:
         yield (
             f"profile of {profile.name}: {number(profile.estimate, 4)}, 95 % from {number(profile.low, 4)} "

@@ -81,11 +81,16 @@ def _separation(found: Plan) -> Table:
     table = console.table(title, headings, ("do", "hardest pair"))
     for option in _shown(found):
         pair = option.worst
-        after = "measured" if pair.settled else number(pair.after)
-        seconds = f"{option.seconds:.0f}" if option.run is not None else "bench"
-        hardest = [f"{pair.first} | {pair.second}"] if pairs else []
-        verdict = percent(pair.probability_now), percent(pair.probability_after)
-        table.add_row(option.name, seconds, *hardest, number(pair.now), after, *verdict, style=_style(option))
+        table.add_row(
+            option.name,
+            f"{option.seconds:.0f}" if option.run is not None else "bench",
+            *([f"{pair.first} | {pair.second}"] if pairs else []),
+            number(pair.now),
+            "measured" if pair.settled else number(pair.after),
+            percent(pair.probability_now),
+            percent(pair.probability_after),
+            style=_style(option),
+        )
     table.caption = (
         "lambda: misfit of the wrong cause that no refit removes; probability: of the right verdict; "
         "ranked by the gain of lambda a second"
@@ -109,9 +114,8 @@ def _sizes(found: Plan) -> Table:
 
 def _shown(found: Plan) -> list[Option]:
     """Return the best options, and the best repeat, to compare them with."""
-    best = list(found.options[:_ROWS])
     repeats = [option for option in found.options if option.run is not None and option.run.repeat]
-    return best + [option for option in repeats[:1] if option not in best]
+    return list(dict.fromkeys((*found.options[:_ROWS], *repeats[:1])))
 
 
 def _style(option: Option) -> str:

@@ -45,10 +45,10 @@ def render(
     with console.progress_bar() as tell:
         tell("looking at what swims", 0.0)
         beats = film.BEATS_OF_STILL if out.suffix.lower() == ".png" else film.BEATS
-        drawing = _of_fish(what, trial) if log is None else _chosen(read_log(log), trial)
         if log is None:
-            stretch = film.steady(drawing, beats)
+            stretch = film.steady(_of_fish(what, trial), beats)
         else:
+            drawing = _chosen(read_log(log), trial)
             stretch = film.whole(drawing) if drawing.held_out is None else film.worst(drawing, beats)
         film.write(out, stretch, tell)
     console.say(f"wrote {out}: {stretch.drawing.name}, {stretch.start:.2f} to {stretch.end:.2f} s")
@@ -64,13 +64,13 @@ def _log(path: Path) -> Path | None:
         return path
     if not path.is_dir():
         return None
-    found = [path / name for name in _LOGS if (path / name).is_file()]
-    if not found:
-        raise InputError(
-            f"{path}: has neither {_LOGS[0]} nor {_LOGS[1]}; make one by `mjfish diagnose DATASET --out {path}` "
-            f"or `mjfish simulate --out {path}`"
-        )
-    return found[0]
+    for log in (path / name for name in _LOGS):
+        if log.is_file():
+            return log
+    raise InputError(
+        f"{path}: has neither {_LOGS[0]} nor {_LOGS[1]}; make one by `mjfish diagnose DATASET --out {path}` "
+        f"or `mjfish simulate --out {path}`"
+    )
 
 
 def _of_fish(fish: str, trial: str | None) -> Drawing:
@@ -91,11 +91,11 @@ def _of_fish(fish: str, trial: str | None) -> Drawing:
 
 def _chosen(drawings: list[Drawing], trial: str | None) -> Drawing:
     """Return the drawing of a trial: the named one, else where the nominal fish errs most, held-out ones first."""
-    names = [drawing.name for drawing in drawings]
-    if trial is not None and trial not in names:
-        raise UnknownNameError("trial", trial, names)
+    named = {drawing.name: drawing for drawing in drawings}
     if trial is not None:
-        return drawings[names.index(trial)]
+        if trial not in named:
+            raise UnknownNameError("trial", trial, named)
+        return named[trial]
 
     def error(drawing: Drawing) -> tuple[bool, float]:
         errors = [figure.error or 0.0 for figure in drawing.figures if figure.swimmer == "nominal"]

@@ -1,4 +1,4 @@
-"""``mjfish simulate``, ``check``, ``export`` and ``view``: fish that swim in either engine, and files of them."""
+"""``mjfish simulate``, ``check``, ``export``, ``view`` and ``sample``: fish that swim, and files of them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from mjfish.cli import console
 from mjfish.cli.fish import write
 from mjfish.drive.modes import DURATION, MODES
 from mjfish.errors import InputError
-from mjfish.files.writing import make_folder, write_json
+from mjfish.files.writing import check_new_folder, make_folder, write_json
 from mjfish.numerics.formats import NONE
 
 if TYPE_CHECKING:
     from mjfish.simulation import Simulation
+
 
 #: Checked where no mode is named: a straight run, a change of frequency, a turn.
 CHECKED = ("v1", "v5-v1", "v3-t2")
@@ -81,7 +82,7 @@ def simulate(
     drive = joints if wave is None else parse_wave(wave)
     if out is None:
         from mjfish.mujoco.viewer import check_display, show
-        from mjfish.simulation.viewer import tank
+        from mjfish.simulation.run import tank
 
         check_display()
         console.say("sliders: panel Control on the right", "arrows: force of the water, key B; close the window to end")
@@ -108,15 +109,16 @@ def simulate(
         run = run.with_band(swum)
     make_folder(out)
     table, log = out / "rollout.csv", out / "rollout.rrd"
+    written = str(table)
     run.write_table(table)
     run.log(log)
     if run.band is not None:
         run.band.write_table(out / "band.csv")
+        written += f", {out / 'band.csv'}"
     if run.status != "ok":
         console.complain(run.status, run.message)
         return False
-    written = f"{table} and {log}" if run.band is None else f"{table}, {out / 'band.csv'} and {log}"
-    console.say(run.summary(), f"wrote {written} (open it with: {console.program()} view {log})")
+    console.say(run.summary(), f"wrote {written} and {log} (open it with: {console.program()} view {log})")
     if diverged:
         console.complain("diverged", f"{diverged} of {len(others)} draws, which the band leaves out")
     return not diverged
@@ -150,20 +152,24 @@ def check(
         for done, name in enumerate(names):
             tell(f"checking {name}", done / len(names))
             results.append(simulation.check(extended_fish, name, coriolis=coriolis))
-    headings = ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order")
-    title = f"{extended_fish.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range"
-    table = console.table(title, headings, ("mode",))
+    table = console.table(
+        f"{extended_fish.fish.name}: largest difference ODE - MuJoCo, relative to each channel's range",
+        ("mode", "step [ms]", *(f"{c} [{UNITS[c]}]" for c in CHANNELS), "of the bound", "order"),
+        left=("mode",),
+    )
     for result in results:
         for level, order in zip(result.levels, (math.nan, *result.orders), strict=False):
-            ratios = (f"{level.ratio[channel]:.1e}" for channel in CHANNELS)
-            share = f"{level.worst / result.bound:.2g}"
-            observed = NONE if math.isnan(order) else f"{order:.2f}"
-            table.add_row(result.drive, f"{1e3 * level.step:g}", *ratios, share, observed)
+            table.add_row(
+                result.drive,
+                f"{1e3 * level.step:g}",
+                *(f"{level.ratio[channel]:.1e}" for channel in CHANNELS),
+                f"{level.worst / result.bound:.2g}",
+                NONE if math.isnan(order) else f"{order:.2f}",
+            )
         table.add_section()
     console.show(table)
     for result in results:
-        style = f"bold {'green' if result.passed else 'red'}"
-        console.item(f"{result.drive}: {result.status}", result.message, style)
+        console.item(f"{result.drive}: {result.status}", result.message, f"bold {'green' if result.passed else 'red'}")
     passed = all(result.passed for result in results)
     if json_ is not None:
         entries = [{**fields_of(result), "passed": result.passed} for result in results]
@@ -191,3 +197,24 @@ def view(file: Annotated[Path, typer.Argument(help="A .rrd file.")]) -> None:
     from mjfish.reporting.log import view as open_log
 
     open_log(file)
+
+
+def sample(
+    diagnosis: Annotated[
+        Path, typer.Argument(help="JSON of `mjfish diagnose` or `identify`, or a folder with diagnosis.json.")
+    ],
+    out: Annotated[Path, typer.Option(help="New folder for the fish TOMLs.")],
+    n: Annotated[int, typer.Option("--n", min=1, help="How many fish.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
+    effects: console.Own = None,
+) -> None:
+    """Draw fish whose coefficients and effects have the error of the fit and the scatter from run to run."""
+    from mjfish.model.posterior import write_draws
+
+    check_new_folder(out)
+    draws = mjfish.sample(diagnosis, n, seed=seed, effects=effects)
+    files = write_draws(out, draws, [f"Drawn by mjfish sample from {diagnosis.name}, {n} draws, seed {seed}."])
+    console.say(
+        f"wrote {len(files)} fish to {out}",
+        f"Their band in a run: {console.program()} simulate --fish FISH --draws {out} --out DIR",
+    )

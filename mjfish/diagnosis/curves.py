@@ -33,7 +33,7 @@ from mjfish.model import Model
 from mjfish.model.model import Prepared, driven, requested_motion
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.numerics.formats import number, unit
-from mjfish.ode.kinematics import link_velocities
+from mjfish.ode.forces import link_velocities
 
 #: Shares of the information between which a variable counts as visited.
 _VISITED = (0.02, 0.98)

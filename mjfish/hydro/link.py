@@ -67,7 +67,7 @@ LINK = np.dtype(
 #: body: id of its body; carrier: where that body stands in the list of bodies that the water reaches.
 #: origin (3,): of the strips' frame in the body's frame [m]; turn (9,): its axes, row by row: x along the strips, y, z.
 #: center (3,): centre of buoyancy in the body's frame [m]; volume: displaced [m3].
-#: length ... roll_damping: of the water on the link, see `mjfish.mujoco.strip_link.StripLink`.
+#: length ... roll_damping: of the water on the link, see `mjfish.mujoco.links.StripLink`.
 #: blunt: 1 where the link is no strips but `mjfish.hydro.blunt_force`, of which are matrix, area and turning.
 #: the rest: integrals, see `mjfish.fish.outline.LinkOutline`.
 SPATIAL = np.dtype(

@@ -3,21 +3,19 @@
 In reading order:
 
 * `supported`: which MuJoCo this needs.
-* `strip_link`, `blunt_link`: what the water must know of a body; `links`: both; `custom_numerics`: the same in an MJCF.
+* `links`: what the water must know of a body; `custom_numerics`: the same in an MJCF.
 * `fluid`: `StripFluid`, water on bodies of any model; `coupling_choice`: which coupling is right for which model.
 * `link_force`: the force on one link; `coupling`: added mass in the equation of motion.
 * `memory`: hidden states of loads.
-* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back;
-  `checked`: what of a model must stay.
+* `block`, `layout`, `callback`, `written_forces`: how compiled code finds the water, MuJoCo's memory and its way back.
 * `mjcf`: the fish as a MuJoCo model; `rollout`: runs with servos; `export`: files.
 * `offscreen`: pictures without a window; `viewer`: MuJoCo's own, with sliders.
 """
 
 from mjfish.mujoco import supported  # isort: skip  # first: the others import names that an older MuJoCo has not
-from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.fluid import StripFluid
+from mjfish.mujoco.links import BluntLink, StripLink
 from mjfish.mujoco.mjcf import Trim
 from mjfish.mujoco.rollout import SimRollout, simulate
-from mjfish.mujoco.strip_link import StripLink
 
 __all__ = ["BluntLink", "SimRollout", "StripFluid", "StripLink", "Trim", "simulate", "supported"]

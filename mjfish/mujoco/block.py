@@ -25,11 +25,9 @@ from mjfish.errors import InputError, MjfishError
 from mjfish.fish.outline import LinkOutline, outline
 from mjfish.hydro.link import LINK, SPATIAL
 from mjfish.hydro.load import ROW, Load, LoadTable, load_rows, memory_of
-from mjfish.mujoco.blunt_link import BluntLink
 from mjfish.mujoco.layout import counts, floats, pointer_to
-from mjfish.mujoco.links import Link
+from mjfish.mujoco.links import BluntLink, Link, StripLink
 from mjfish.mujoco.memory import Room, room_in
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from mjfish.numerics.compiled import compiled
 
@@ -106,13 +104,13 @@ class Block:
         self.links["body"] = bodies
         self.links["carrier"] = np.searchsorted(self.carriers[:, 0], bodies)
         self.loads = load_rows(loads, len(links))
+        self._called = loads
         strips = [link for link in links if isinstance(link, StripLink)] if loads else []
         self.planes = plane_records(model, strips, density)
-        self._called = loads
         placed = any(load.placed for load, _ in loads)
+        room = room_in(model, memory_of(loads, len(links)))
         arrays = (self.carriers, self.trees, self.links, *self.loads, self.planes)
         sizes = (model.nbody, model.nv, model.nu, model.na)
-        room = room_in(model, memory_of(loads, len(links)))
         addresses = (array.ctypes.data for array in arrays)
         self.header = np.array([(inertia, commanded, *sizes, placed, *room, *addresses, *map(len, arrays))], HEADER)
         with _lock:
@@ -178,7 +176,7 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
             record["matrix"] = link.matrix(density).ravel()
             record["area"], record["turning"] = link.areas, link.turnings
             record["volume"] = link.displaced
-            record["center"] = link.origin if link.buoyancy_center is None else link.buoyancy_center
+            record["center"] = link.buoyancy_center or link.origin
             continue
         integrals = outline(link.outline, density, link.start, link.start + link.length)
         for field in SPATIAL.names or ():
@@ -189,8 +187,7 @@ def records(links: Sequence[Link], density: float) -> RecordArray:
         record["matrix"] = _matrix(integrals).ravel()
         if link.volume is not None:
             record["volume"] = link.volume
-        middle = np.array(link.origin) + integrals.centroid * link.frame[0]
-        record["center"] = middle if link.buoyancy_center is None else link.buoyancy_center
+        record["center"] = link.buoyancy_center or link.origin + integrals.centroid * link.frame[0]
     _fill_coefficients(filled, links)
     return filled
 
@@ -226,11 +223,9 @@ def plane_records(model: mujoco.MjModel, links: Sequence[StripLink], density: fl
     filled = np.zeros(len(links), dtype=LINK)
     for record, spatial, link in zip(filled, records(links, density), links, strict=True):
         integrals = outline(link.outline, density, link.start, link.start + link.length)
-        for field in LINK.names or ():
-            if field in (SPATIAL.names or ()):
-                record[field] = spatial[field]
-        record["strip_perimeter"] = integrals.strip_perimeter
-        for field in ("coarse_r", "coarse_weight", "coarse_height"):
+        for field in {*(LINK.names or ())} & {*(SPATIAL.names or ())}:
+            record[field] = spatial[field]
+        for field in ("strip_perimeter", "coarse_r", "coarse_weight", "coarse_height"):
             record[field] = getattr(integrals, field)
         body = model.body(link.body)
         turn = np.empty(9)
@@ -247,16 +242,12 @@ def carriers(model: mujoco.MjModel, bodies: Sequence[int]) -> tuple[FloatArray, 
     roots = np.unique(model.body_rootid[list(bodies)])
     ids = np.flatnonzero(np.isin(model.body_rootid, roots) & (np.arange(model.nbody) > 0))
     row_of = {int(body): row for row, body in enumerate(ids)}
-    rows = [
-        (body, row_of.get(int(model.body_parentid[body]), -1), model.body_dofadr[body], model.body_dofnum[body])
-        for body in ids
-    ]
-    trees = []
-    for root in roots:
-        moving = ids[(model.body_rootid[ids] == root) & (model.body_dofnum[ids] > 0)]
-        if len(moving):  # the dofs of a tree are contiguous
-            trees.append((model.body_dofadr[moving].min(), model.body_dofnum[moving].sum()))
-    return np.array(rows, dtype=np.float64), np.array(trees, dtype=np.float64).reshape(-1, TREE)
+    parents = [row_of.get(int(parent), -1) for parent in model.body_parentid[ids]]
+    rows = np.column_stack([ids, parents, model.body_dofadr[ids], model.body_dofnum[ids]]).astype(np.float64)
+    moving = (ids[(model.body_rootid[ids] == root) & (model.body_dofnum[ids] > 0)] for root in roots)
+    # The dofs of a tree are contiguous.
+    trees = [(model.body_dofadr[own].min(), model.body_dofnum[own].sum()) for own in moving if len(own)]
+    return rows, np.array(trees, dtype=np.float64).reshape(-1, TREE)
 
 
 class Water(NamedTuple):

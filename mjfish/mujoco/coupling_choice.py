@@ -4,11 +4,14 @@
 single body that moves about its own centre of mass does not have, and a solver that reads that inertia.
 ``xfrc`` is right where MuJoCo's acceleration is M^-1 (forces): implicit damping and constraints multiply by another
 inertia, one that knows no added mass, and the error is large (the thrust may change its sign).
+
+The checks are done again only where something that they read was changed: a block costs next to nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from operator import attrgetter
 from typing import Literal, get_args
 
 import mujoco
@@ -46,9 +49,9 @@ def choose(model: mujoco.MjModel, bodies: list[int], asked: Coupling | None) -> 
         coupling = allowed[0]  # where neither is, the remedy of the one that is right more often
         way_out = "" if against[other[coupling]] else f', or use coupling="{other[coupling]}"'
         reasons += [f"coupling '{coupling}': {reason}{way_out}" for reason in against[coupling]]
-    if not reasons:
-        return next(coupling for coupling in allowed if not against[coupling])
-    raise InputError("\n".join(reasons))
+    if reasons:
+        raise InputError("\n".join(reasons))
+    return next(coupling for coupling in allowed if not against[coupling])
 
 
 def _disabled(model: mujoco.MjModel, bit: mujoco.mjtDisableBit) -> bool:
@@ -87,15 +90,13 @@ def _against_either(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
     ):
         if wrong:
             yield reason
-    for name in ("density", "viscosity"):
-        value = getattr(model.opt, name)
+    for name, value in (("density", model.opt.density), ("viscosity", model.opt.viscosity)):
         if value > 0.0:
             yield f"MuJoCo's own fluid of {name} {value:g} would act as well; set {name} of <option> to 0"
 
 
 def _against_inertia(model: mujoco.MjModel, bodies: list[int]) -> Iterator[str]:
-    short = [body for body in bodies if not _has_room(model, body)]
-    if short:
+    if short := [body for body in bodies if not _has_room(model, body)]:
         names = _names(model, mujoco.mjtObj.mjOBJ_BODY, np.array(short))
         yield (
             f"MuJoCo stores the inertia of {names} as a diagonal, for it moves alone about its centre of mass; "
@@ -129,14 +130,12 @@ def _against_xfrc(model: mujoco.MjModel) -> Iterator[str]:
             'set integrator="RK4"'
         )
     elif integrator == mujoco.mjtIntegrator.mjINT_EULER and not _disabled(model, mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
-        damped = np.flatnonzero((model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1))
-        if damped.size:
-            names = _names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped])
-            yield (
-                f"integrator 'Euler' treats the damping of {names} implicitly, without the added mass; "
-                'set <flag eulerdamp="disable"/> or integrator="RK4"'
-            )
-        for kind, damping in (("actuators", model.actuator_damping), ("tendons", model.tendon_damping)):
+        damped = (model.dof_damping > 0.0) | np.any(model.dof_dampingpoly != 0.0, axis=-1)
+        for kind, damping in (
+            (_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.dof_jntid[damped]), damped),
+            ("actuators", model.actuator_damping),
+            ("tendons", model.tendon_damping),
+        ):
             if np.any(damping > 0.0):
                 yield (
                     f"integrator 'Euler' treats the damping of {kind} implicitly, without the added mass; "
@@ -170,3 +169,49 @@ def _constraints(model: mujoco.MjModel) -> Iterator[str]:
     ):
         if possible and not _disabled(model, bit):
             yield constraint
+
+
+#: What the checks here and in `mjfish.mujoco.memory` read of a model, but for sizes and names, which stay.
+FIELDS = (
+    "body_mocapid", "body_rootid", "body_parentid", "body_dofadr", "body_dofnum", "dof_parentid", "M_rownnz",
+    "dof_jntid", "dof_damping", "dof_dampingpoly", "dof_frictionloss", "jnt_limited", "geom_contype",
+    "geom_conaffinity", "tendon_damping", "tendon_armature", "tendon_limited", "tendon_frictionloss",
+    "actuator_damping", "actuator_dyntype", "actuator_gaintype", "actuator_gainprm", "actuator_biastype",
+    "actuator_ctrllimited", "actuator_actlimited", "actuator_group", "actuator_actadr",
+)  # fmt: skip
+#: The same of its options.
+OPTIONS = (
+    "disableflags", "enableflags", "density", "viscosity", "solver", "noslip_iterations", "integrator",
+    "disableactuator",
+)  # fmt: skip
+_options = attrgetter(*OPTIONS)
+
+
+class Checked:
+    """A model that passed its checks, and what they read then."""
+
+    def __init__(self, model: mujoco.MjModel, check: Callable[[], object]) -> None:
+        """Remember a model as it is: it has just passed.
+
+        Args:
+            model: the model.
+            check: raises where the model is no longer right.
+        """
+        self._check = check
+        self._opt = model.opt
+        self._fields = [getattr(model, name) for name in FIELDS]  # views: they show what is changed in place
+        self._seen = self._now()
+
+    def _now(self) -> tuple[object, bytes]:
+        return _options(self._opt), b"".join(self._fields)
+
+    def again(self) -> None:
+        """Check the model again where it was changed.
+
+        Raises:
+            InputError: as the check says.
+        """
+        now = self._now()
+        if now != self._seen:
+            self._check()
+            self._seen = now

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import mujoco
@@ -15,9 +16,7 @@ import numpy as np
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.files import tomlfile
 from mjfish.fish import Section
-from mjfish.mujoco.blunt_link import KEYS
-from mjfish.mujoco.links import Water
-from mjfish.mujoco.strip_link import COEFFICIENTS, StripLink
+from mjfish.mujoco.links import COEFFICIENTS, KEYS, StripLink, Water
 
 #: What every name begins with.
 PREFIX = "strip_fluid"
@@ -47,7 +46,7 @@ def read(model: mujoco.MjModel) -> Water:
         numbers = numeric.data.tolist()
         value = _rows(numeric.name, numbers) if key == "sections" else numbers[0] if len(numbers) == 1 else numbers
         (links.setdefault(body, {"body": body}) if body else water)[key] = value
-    shared = water.pop("sections", None)
+    shared = {"sections": water.pop("sections")} if "sections" in water else {}
     for key in water.keys() - {"density"}:
         known = [f"{PREFIX}/density", f"{PREFIX}/sections", f"{PREFIX}/BODY/KEY"]
         raise UnknownNameError("custom numeric", f"{PREFIX}/{key}", known)
@@ -56,8 +55,7 @@ def read(model: mujoco.MjModel) -> Water:
             f"the model has no custom numeric '{PREFIX}/BODY/KEY'; describe its bodies there, or give the links"
         )
     for link in links.values():
-        if shared is not None and not link.keys() & set(_OUTLINE):
-            link["sections"] = shared
+        link |= {} if link.keys() & set(_OUTLINE) else shared
     return tomlfile.parse({**water, "links": list(links.values())}, Water, f"custom numeric {PREFIX}")
 
 
@@ -86,10 +84,9 @@ def numerics_of(links: Sequence[StripLink], density: float) -> dict[str, tuple[f
     Raises:
         InputError: two links share a body, which the names could not tell apart.
     """
-    bodies = [link.body for link in links]
-    for body in bodies:
-        if bodies.count(body) > 1:
-            raise InputError(f"two links share the body '{body}', an MJCF describes one a body; use a TOML")
+    body, count = Counter(link.body for link in links).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"two links share the body '{body}', an MJCF describes one a body; use a TOML")
     numerics: dict[str, tuple[float, ...]] = {f"{PREFIX}/density": (density,)}
     shared = links[0].sections if len({link.sections for link in links}) == 1 else ()
     if shared:
@@ -97,13 +94,10 @@ def numerics_of(links: Sequence[StripLink], density: float) -> dict[str, tuple[f
     for link in links:
         for key, field in StripLink.model_fields.items():
             value = getattr(link, key)
-            if key == "body" or (value == field.default and key not in COEFFICIENTS):
+            if key == "body" or (value == field.default and key not in COEFFICIENTS) or (key == "sections" and shared):
                 continue
-            if key != "sections":
-                numbers = value if isinstance(value, tuple) else (value,)
-                numerics[f"{PREFIX}/{link.body}/{key}"] = tuple(map(float, numbers))
-            elif not shared:
-                numerics[f"{PREFIX}/{link.body}/{key}"] = _flat(value)
+            numbers = _flat(value) if key == "sections" else value if isinstance(value, tuple) else (value,)
+            numerics[f"{PREFIX}/{link.body}/{key}"] = tuple(map(float, numbers))
     return numerics
 
 

@@ -8,6 +8,7 @@ swims as `mjfish.mujoco.mjcf.swimmer` of the fish does, but for its servos, whic
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -128,10 +129,9 @@ def _sharpen(root: ET.Element, spec: mujoco.MjSpec) -> None:
     for servo in list(actuators if actuators is not None else ()):
         actuator = spec.actuator(servo.get("name"))
         stiffness, damping = _number(actuator.gainprm[0]), _number(-actuator.biasprm[2])
-        attributes = {"name": actuator.name, "joint": actuator.target, "kp": stiffness, "kv": damping}
         servo.clear()
         servo.tag = "position"
-        servo.attrib.update(attributes)
+        servo.attrib.update({"name": actuator.name, "joint": actuator.target, "kp": stiffness, "kv": damping})
 
 
 def _custom(numerics: dict[str, tuple[float, ...]], fish: Fish) -> Iterator[str]:
@@ -167,7 +167,5 @@ def _comment(lines: Sequence[str], indent: str = "") -> str:
     plain = [
         "".join(c if c.isprintable() else " " for c in line).rstrip() for text in lines for line in text.splitlines()
     ]
-    inside = f"\n{indent}     ".join(plain)
-    while "--" in inside:
-        inside = inside.replace("--", "- -")
+    inside = re.sub("-(?=-)", "- ", f"\n{indent}     ".join(plain))
     return f"<!-- {inside} -->"

@@ -20,9 +20,7 @@ from mjfish.errors.arguments import check as check_type
 from mjfish.hydro.load import PARAMETERS, Load, memory_of
 from mjfish.mujoco import callback, custom_numerics
 from mjfish.mujoco.block import MAGIC, Block, block_of, view
-from mjfish.mujoco.blunt_link import BluntLink
-from mjfish.mujoco.checked import Checked
-from mjfish.mujoco.coupling_choice import Coupling, choose
+from mjfish.mujoco.coupling_choice import Checked, Coupling, choose
 from mjfish.mujoco.layout import data_at, floats, model_at, verify
 from mjfish.mujoco.link_force import (
     FRAME,
@@ -35,9 +33,8 @@ from mjfish.mujoco.link_force import (
     take_inertial,
     to_world,
 )
-from mjfish.mujoco.links import Link, link_of, read, with_coefficients
+from mjfish.mujoco.links import DENSEST, BluntLink, Link, StripLink, link_of, read, with_coefficients
 from mjfish.mujoco.memory import room_in
-from mjfish.mujoco.strip_link import DENSEST, StripLink
 from mjfish.numerics.arrays import FloatArray, readonly
 from mjfish.numerics.compiled import compiled
 
@@ -161,20 +158,27 @@ class StripFluid:
         _check_loads(loads, self.links)
         room = room_in(model, memory_of(loads, len(self.links)))
         self._states: int = room.states
-        servos = room.control if room.states else model.nu
-        if commanded and model.nuserdata != 1 + 3 * servos:
+        numbers = 1 + 3 * (room.control if room.states else model.nu)
+        if commanded and model.nuserdata != numbers:
             raise InputError(
-                f"userdata: found {model.nuserdata} numbers, expected {1 + 3 * servos} for the commands; set "
-                f'<size nuserdata="{1 + 3 * servos}"/>'
+                f"userdata: found {model.nuserdata} numbers, expected {numbers} for the commands; set "
+                f'<size nuserdata="{numbers}"/>'
             )
         bodies = _bodies(model, self.links)
-        _warn_of_sizes(model, self.links)
+        for link in self.links if model.ngeom else ():  # one without geoms has no size
+            if isinstance(link, StripLink) and link.length > _LARGER * model.stat.extent:  # as in other units
+                warnings.warn(
+                    f"link '{link.body}' is {link.length:g} m long, the whole model {2.0 * model.stat.extent:.2g} m; "
+                    "give lengths in m, or correct the extent of the model (<statistic extent>)",
+                    stacklevel=2,
+                )
         chosen: Coupling = choose(model, bodies, coupling)
         self.coupling: Coupling = chosen
         _set_current(model, current)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        inertia = self.coupling == "inertia"
-        self._block: Block = Block(model, self.links, self.density, inertia=inertia, commanded=commanded, loads=loads)
+        self._block: Block = Block(
+            model, self.links, self.density, inertia=chosen == "inertia", commanded=commanded, loads=loads
+        )
         self._block.tag(model)
 
         def check() -> None:
@@ -285,15 +289,13 @@ class StripFluid:
         verify()
         parts = np.zeros((len(PARTS), len(self.links), 6))
         _fill_parts(self.model._address, data._address, self._block.header.ctypes.data, parts)
-        named = {name: readonly(part) for name, part in zip(PARTS, parts, strict=True)}
-        return {**named, "total": readonly(parts.sum(axis=0))}
+        return dict(zip((*PARTS, "total"), map(readonly, (*parts, parts.sum(axis=0))), strict=True))
 
     def state(self, data: mujoco.MjData) -> State:
         """Return whether a run has diverged: no numbers or huge ones in the state or its rate."""
         kinds = mujoco.mjtWarning
         bad = [kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC]
-        if self._states:  # rates of hidden states stand in ctrl
-            bad.append(kinds.mjWARN_BADCTRL)
+        bad += [kinds.mjWARN_BADCTRL] if self._states else []  # rates of hidden states stand in ctrl
         warned = any(data.warning[kind].number for kind in bad)
         if not warned and all(np.all(np.isfinite(part)) for part in (data.qpos, data.qvel, data.qacc)):
             return State("ok", "")
@@ -386,17 +388,6 @@ def _bodies(model: mujoco.MjModel, links: Iterable[Link], kind: str = "body") ->
         if link.body not in ids:
             raise UnknownNameError(kind, link.body, filter(None, ids), "name a body of this model")
     return [ids[link.body] for link in links]
-
-
-def _warn_of_sizes(model: mujoco.MjModel, links: Iterable[Link]) -> None:
-    """Warn of links that are far longer than the model, as those in other units are; one without geoms has no size."""
-    for link in links if model.ngeom else ():
-        if isinstance(link, StripLink) and link.length > _LARGER * model.stat.extent:
-            warnings.warn(
-                f"link '{link.body}' is {link.length:g} m long, the whole model {2.0 * model.stat.extent:.2g} m; "
-                "give lengths in m, or correct the extent of the model (<statistic extent>)",
-                stacklevel=3,
-            )
 
 
 def _links(links: Sequence[Link | Mapping[str, Any]]) -> tuple[Link, ...]:

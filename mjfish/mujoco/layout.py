@@ -84,8 +84,12 @@ def _record(name: str, fields: Iterable[str]) -> types.Record:
             offset += inner
         members[part] = (kind, offset)
     formats, offsets = zip(*members.values(), strict=True)
-    size = ctypes.sizeof(structure(name))
-    layout = {"names": list(members), "formats": formats, "offsets": offsets, "itemsize": size}
+    layout = {
+        "names": list(members),
+        "formats": formats,
+        "offsets": offsets,
+        "itemsize": ctypes.sizeof(structure(name)),
+    }
     return from_dtype(np.dtype(layout, align=True))  # type: ignore[call-overload]
 
 

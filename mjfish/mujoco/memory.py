@@ -72,14 +72,17 @@ def room_in(model: mujoco.MjModel, states: int) -> Room:
         )
     if not ids:
         return Room(0, 0, 0)
-    dynamics = model.actuator_dyntype[ids] != mujoco.mjtDyn.mjDYN_INTEGRATOR
-    still = (model.actuator_gaintype[ids] == mujoco.mjtGain.mjGAIN_FIXED) & (model.actuator_gainprm[ids, 0] == 0.0)
-    still &= model.actuator_biastype[ids] == mujoco.mjtBias.mjBIAS_NONE
+    pushing = (model.actuator_gaintype[ids] != mujoco.mjtGain.mjGAIN_FIXED) | (model.actuator_gainprm[ids, 0] != 0.0)
+    pushing |= model.actuator_biastype[ids] != mujoco.mjtBias.mjBIAS_NONE
     limited = (model.actuator_ctrllimited[ids] != 0) | (model.actuator_actlimited[ids] != 0)
     disabled = (model.opt.disableactuator >> model.actuator_group[ids].clip(0)) & 1 > 0
     for wrong, found, remedy in (
-        (dynamics, "is no integrator", 'set dyntype="integrator"'),
-        (~still, "pushes", 'set gaintype="fixed" gainprm="0" biastype="none"'),
+        (
+            model.actuator_dyntype[ids] != mujoco.mjtDyn.mjDYN_INTEGRATOR,
+            "is no integrator",
+            'set dyntype="integrator"',
+        ),
+        (pushing, "pushes", 'set gaintype="fixed" gainprm="0" biastype="none"'),
         (limited, "is limited", "take out its ctrlrange and actrange"),
         (disabled, "is disabled", "take its group out of actuatorgroupdisable"),
         (np.diff(ids, prepend=ids[0] - 1) != 1, "is not next to the one before", "list them one after the other"),

@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,8 +35,8 @@ from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco.coupling_choice import Coupling
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.links import StripLink
 from mjfish.mujoco.memory import make_room
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray
 
 Integrator = Literal["RK4", "Euler", "implicitfast", "implicit", "discrete"]
@@ -209,8 +210,8 @@ def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | N
             raise UnknownNameError("coefficient", name, fish.coefficient_names)
     coefficients = {**fish.values, **(values or {})}
     links = []
-    start = 0.0
-    for link in fish.links:
+    starts = accumulate((link.length for link in fish.links), initial=0.0)
+    for link, start in zip(fish.links, starts, strict=False):
         keys: dict[str, Any] = {kind: float(coefficients[f"{kind}.{link.group}"]) for kind in KINDS}
         if free is not None:
             keys["volume"] = link.mass / fish.density
@@ -226,7 +227,6 @@ def strips(fish: Fish, values: Mapping[str, float] | None = None, free: Trim | N
                 **keys,
             )
         )
-        start += link.length
     return tuple(links)
 
 
@@ -254,13 +254,13 @@ def build(fish: Fish, *, free: bool = False, servo: Servo | None = None) -> mujo
 def _chain(fish: Fish, servo: Servo) -> mujoco.MjSpec:
     """Build the links with hinges and servos between them; the head has no joint yet. Only I_zz of a link is right."""
     built = mujoco.MjSpec()
-    built.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     bits = mujoco.mjtDisableBit
+    built.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     built.option.disableflags = bits.mjDSBL_CONTACT | bits.mjDSBL_AUTORESET
     built.worldbody.add_light(pos=(0.0, 0.0, 3.0))
     parent = built.worldbody
-    front = 0.0  # length of the link in front
-    for index, (link, outline) in enumerate(zip(fish.links, outlines(fish), strict=True)):
+    fronts = (0.0, *(link.length for link in fish.links[:-1]))  # lengths of the links in front
+    for index, (link, outline, front) in enumerate(zip(fish.links, outlines(fish), fronts, strict=True)):
         parent = _add_link(parent, link, outline, front)
         if index > 0:
             parent.add_joint(name=f"joint_{index}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 0, 1))
@@ -268,7 +268,6 @@ def _chain(fish: Fish, servo: Servo) -> mujoco.MjSpec:
                 name=f"servo_{index}", target=f"joint_{index}", trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
             driven.set_to_position(kp=servo.kp, kv=servo.kv)
-        front = link.length
     return built
 
 

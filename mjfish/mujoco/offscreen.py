@@ -162,20 +162,18 @@ def _pool(bodies: Sequence[tuple[Mesh, Colour]], floor: float, spacing: float, e
     light.type, light.castshadow = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, False
     light.diffuse, light.specular = (0.35, 0.35, 0.35), (0.15, 0.15, 0.15)
     _add_floor(spec, floor, spacing)
-    names: dict[int, str] = {}
+    for mesh in {id(mesh): mesh for mesh, _ in bodies}.values():
+        asset = spec.add_mesh(
+            name=f"mesh_{id(mesh)}",
+            uservert=mesh.vertices.ravel().tolist(),
+            userface=mesh.triangles.ravel().tolist(),
+        )
+        asset.inertia, asset.smoothnormal = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, True
     for mesh, colour in bodies:
-        if id(mesh) not in names:
-            names[id(mesh)] = f"mesh_{len(names)}"
-            asset = spec.add_mesh(
-                name=names[id(mesh)],
-                uservert=mesh.vertices.ravel().tolist(),
-                userface=mesh.triangles.ravel().tolist(),
-            )
-            asset.inertia, asset.smoothnormal = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, True
         body = spec.worldbody.add_body(mocap=True)
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=names[id(mesh)],
+            meshname=f"mesh_{id(mesh)}",
             rgba=np.array(colour) / 255.0,
             contype=0,
             conaffinity=0,
@@ -185,12 +183,17 @@ def _pool(bodies: Sequence[tuple[Mesh, Colour]], floor: float, spacing: float, e
 
 def _add_floor(spec: mujoco.MjSpec, height: float, spacing: float) -> None:
     """Add a floor without end, ruled in squares, and what is behind it."""
-    far = mujoco.mjtTexture.mjTEXTURE_SKYBOX
     spec.add_texture(
-        name="far", type=far, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=_FAR, rgb2=_FAR, width=8, height=8
+        name="far",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=_FAR,
+        rgb2=_FAR,
+        width=8,
+        height=8,
     )
     tile = np.full((_TILE, _TILE, 3), np.array(_FLOOR) * 255.0)
-    tile[:_EDGE], tile[:, :_EDGE] = np.array(_LINE) * 255.0, np.array(_LINE) * 255.0
+    tile[:_EDGE] = tile[:, :_EDGE] = np.array(_LINE) * 255.0
     texture = spec.add_texture(name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, width=_TILE, height=_TILE, nchannel=3)
     texture.data = tile.astype(np.uint8).tobytes()
     material = spec.add_material(name="floor", texrepeat=(1.0 / spacing, 1.0 / spacing), texuniform=True)

@@ -161,8 +161,8 @@ def _root(position: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
         angles = euler_angles(position[:, 3:7])
         attitude[:, :2], attitude[:, 2] = angles[:, :2], position[:, 2]
         yaw, yaw_speed = angles[:, 2], yaw_rate(angles, speed[:, 3:6])
-    nose = frames.to_body(speed[:, :2], yaw)
-    return np.column_stack([nose, yaw_speed]), np.column_stack([position[:, :2], yaw]), attitude
+    velocity = np.column_stack([frames.to_body(speed[:, :2], yaw), yaw_speed])
+    return velocity, np.column_stack([position[:, :2], yaw]), attitude
 
 
 def _steps(fluid: StripFluid, data: mujoco.MjData, command: JointMotion) -> tuple[FloatArray, FloatArray, FloatArray]:

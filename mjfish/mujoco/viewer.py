@@ -25,9 +25,9 @@ from mjfish.hydro.load import Load, memory_of
 from mjfish.mujoco import mjcf
 from mjfish.mujoco.fluid import StripFluid
 from mjfish.mujoco.layout import compile_aside
+from mjfish.mujoco.links import StripLink
 from mjfish.mujoco.memory import make_room
 from mjfish.mujoco.mjcf import Trim
-from mjfish.mujoco.strip_link import StripLink
 from mjfish.numerics.arrays import FloatArray
 
 #: Time step [s], and pictures a second.
@@ -110,8 +110,7 @@ class Tank:
         self.model = compile_aside(spec)
         self.data = mujoco.MjData(self.model)
         self.sliders = {name: servos + k for k, name in enumerate(ranges)}
-        for name, (_, value, _) in ranges.items():
-            self.data.ctrl[self.sliders[name]] = value
+        self.data.ctrl[[*self.sliders.values()]] = [value for _, value, _ in ranges.values()]
         self._servos = slice(0, servos)
         self._clock = 0.0
         self.water = StripFluid(self.model, self._strips(), density=fish.density, coupling="xfrc", loads=loads)

@@ -1,4 +1,4 @@
-"""Forces of the water on every link along a run: drag, added mass, and loads from outside the Morison model.
+"""Velocities of the links, and forces of the water on them, along a run: drag, added mass, loads from outside Morison.
 
 In the frame of a link (x towards the tail, origin at its front joint) the added mass pushes with -(M_ad V' + gamma_ad),
 [Yu2016] eqs. (8) and (13), the drag as in eqs. (9) and (10). The head's acceleration is the one that the equation of
@@ -20,7 +20,7 @@ from mjfish.hydro.load import ANSWER, Load, LoadBuffers, load_rows, loads_on, me
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.compiled import compiled
 from mjfish.ode.equation import STATES, Joints, System, derivative, next_link
-from mjfish.ode.rollout import system_of
+from mjfish.ode.rollout import Rollout, system_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,8 @@ class LinkForces:
         Where it passes beside the link, the nearer end of the link.
         """
         lateral = self.axis[..., 0] * wrench[..., 1] - self.axis[..., 1] * wrench[..., 0]
-        safe = np.where(np.abs(lateral) > 1e-12, lateral, np.inf)
-        r = np.clip(wrench[..., 2] / safe, 0.0, self.length)
-        return np.asarray(self.joint + r[..., None] * self.axis)
+        r = wrench[..., 2] / np.where(np.abs(lateral) > 1e-12, lateral, np.inf)
+        return np.asarray(self.joint + np.clip(r, 0.0, self.length)[..., None] * self.axis)
 
 
 def link_forces(
@@ -94,11 +93,9 @@ def link_forces(
     length = np.array([link.length for link in fish.links])
     reach = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
     joint = -full[:, None, 3:5] + np.concatenate([np.zeros((len(state), 1, 2)), reach], axis=1)
-    turned = np.empty_like(wrench)
-    turned[..., 0] = axis[..., 0] * wrench[..., 0] - axis[..., 1] * wrench[..., 1]
-    turned[..., 1] = axis[..., 1] * wrench[..., 0] + axis[..., 0] * wrench[..., 1]
-    turned[..., 2] = wrench[..., 2]
-    return LinkForces(joint, axis, length, *turned)
+    fx, fy, moment = np.moveaxis(wrench, 3, 0)
+    cos, sin = np.moveaxis(axis, 2, 0)
+    return LinkForces(joint, axis, length, *np.stack([cos * fx - sin * fy, sin * fx + cos * fy, moment], axis=3))
 
 
 @compiled
@@ -134,3 +131,21 @@ def _wrenches(system: System, joints: Joints, states: FloatArray, out: FloatArra
             if loads.addresses.shape[0] > 0:
                 buffers = LoadBuffers(output, state, rates)
                 out[2, k, i, 0], out[2, k, i, 1], out[2, k, i, 2] = loads_on(links, i, i, loads, False, buffers)
+
+
+def link_velocities(fish: Fish, rollout: Rollout) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return u, v, w (n, links) of the links' front joints in their frames (x towards the tail), at starts of steps."""
+    state = rollout.state[:, 0]
+    angle, rate = rollout.motion.angle[: len(state), 0].copy(), rollout.motion.rate[: len(state), 0].copy()
+    if fish.tail_compliance > 0.0:
+        angle[:, -1] += state[:, 6]
+        rate[:, -1] += state[:, 7]
+    u, v, w = frames.flip(state[:, :3]).T
+    found = [(u, v, w)]
+    for link, own, turn in zip(fish.links[:-1], angle.T, rate.T, strict=True):
+        c, s = np.cos(own), np.sin(own)
+        sway = v + link.length * w
+        u, v, w = c * u + s * sway, c * sway - s * u, w + turn
+        found.append((u, v, w))
+    u, v, w = np.moveaxis(np.array(found), 0, 2)
+    return u, v, w

@@ -45,7 +45,8 @@ def jacobians(
         steps: which ones.
         joints: whether B is asked for; else there are no joints in it.
     """
-    motion, states = rollout.motion, _states(rollout, steps)
+    motion, states = rollout.motion, rollout.at_steps()[:-1][steps].copy()
+    states[:, :3], states[:, 3:6] = frames.flip(states[:, :3]), frames.flip(states[:, 3:6])
     by_state, by_joints = np.zeros((len(states), 3, 3)), np.zeros((len(states), 3, 3, motion.joints * joints))
     cos, sin = motion.trigonometry
     starts = (
@@ -76,14 +77,6 @@ def linear_response(jacobian: FloatArray, forcing: FloatArray, time: FloatArray)
         half = 0.5 * step[k]
         response[k + 1] = transition[k] @ (response[k] + half * forcing[k]) + half * forcing[k + 1]
     return response
-
-
-def _states(rollout: Rollout, steps: slice) -> FloatArray:
-    """Return the states (n, STATES + memory) at the start of steps, in the model's frame."""
-    parts = (rollout.state,) if rollout.memory is None else (rollout.state, rollout.memory)
-    state = np.concatenate([part[steps, 0] for part in parts], axis=1)
-    state[:, :3], state[:, 3:6] = frames.flip(state[:, :3]), frames.flip(state[:, 3:6])
-    return state
 
 
 @borrowing

@@ -69,19 +69,20 @@ class Rollout:
         Before the start it is the state at the start; after the end it is NaN.
         """
         index, at = place_in(self.time, time)
-        width = (self.time[index + 1] - self.time[index])[:, None]
-        return self._blend(time, index, hermite(at[:, None], width))
+        s, width = at[:, None], (self.time[index + 1] - self.time[index])[:, None]
+        weights = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2 * width, s**2 * (3 - 2 * s), s**2 * (s - 1) * width
+        return self._blend(time, index, weights)
 
     def rate_at(self, time: FloatArray) -> FloatArray:
         """Return the rate of `at` by the times (m, 8); zero before the start, NaN after the end."""
         index, at = place_in(self.time, time)
-        width = (self.time[index + 1] - self.time[index])[:, None]
-        s = at[:, None]
+        s, width = at[:, None], (self.time[index + 1] - self.time[index])[:, None]
         rise = 6 * s * (1 - s) / width
         weights = (-rise, (1 - s) * (1 - 3 * s), rise, s * (3 * s - 2))
         return np.asarray(self._blend(time, index, weights) * (time >= self.time[0])[:, None])
 
     def _blend(self, time: FloatArray, index: Any, weights: tuple[FloatArray, ...]) -> FloatArray:
+        """Return the cubic of each time from its weights of value and rate at the start and at the end of its step."""
         left, left_rate, right, right_rate = weights
         values = (
             left * self.state[index, 0]
@@ -111,13 +112,7 @@ class Rollout:
 def place_in(edges: FloatArray, time: FloatArray) -> tuple[Any, FloatArray]:
     """Return the step (m,) in which each time is and where in it (m,), 0 to 1; at an edge, the start of the next."""
     index = np.clip(np.searchsorted(edges, time + 1e-12, side="right") - 1, 0, len(edges) - 2)
-    at = np.where(time < edges[0], 0.0, time - edges[index]) / (edges[index + 1] - edges[index])
-    return index, at
-
-
-def hermite(s: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the weights of value and rate at the start, and at the end, of a step: cubic Hermite interpolation."""
-    return (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2 * width, s**2 * (3 - 2 * s), s**2 * (s - 1) * width
+    return index, np.where(time < edges[0], 0.0, time - edges[index]) / (edges[index + 1] - edges[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,10 +296,7 @@ def joints_in(joints: Joints, step: int, stage: int, workspace: Workspace) -> Jo
 @merged
 def rest(state: FloatArray, tail: FloatArray) -> None:
     """Keep heading and deflection only: the fish on which a jump of the joint rates acts is at rest, its tail loose."""
-    tail[1] = 0.0
-    tail[2] = 0.0
-    tail[3] = 0.0
-    tail[4] = 0.0
+    tail[1:] = 0.0
     for row in (0, 1, 2, 3, 4, 7):
         state[row] = 0.0
 

@@ -364,13 +364,9 @@ def _copy_rows(source: FloatArray, target: FloatArray) -> None:
 def _jump_tangents(motion_before: FloatArray, work: TangentWorkspace) -> None:
     """Make tangents those of a fish at rest, with a loose tail, on whose joints a jump acts as an acceleration."""
     joints = work.state.joint_rate.shape[0]
-    for k in range(work.trial.shape[1]):
-        for row in (0, 1, 2, 3, 4, 7):
-            work.trial[row, k] = 0.0
-        work.tail[1, k] = 0.0
-        work.tail[2, k] = 0.0
-        work.tail[3, k] = 0.0
-        work.tail[4, k] = 0.0
+    for row in (0, 1, 2, 3, 4, 7):
+        work.trial[row] = 0.0
+    work.tail[1:] = 0.0
     for j in range(joints):
         for k in range(work.motion.shape[1]):
             work.motion[2 * joints + j, k] = work.motion[joints + j, k] - motion_before[joints + j, k]

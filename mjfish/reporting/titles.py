@@ -1,4 +1,4 @@
-"""Names for people: what a cause or a mechanism does, and the verdict of a diagnosis as a headline."""
+"""Words for people: what a cause or a mechanism does, the verdict as a headline, what to know before believing it."""
 
 from __future__ import annotations
 
@@ -59,3 +59,15 @@ def _listed(titles: Sequence[str], link: str = "and") -> str:
     """Join sentences: the first keeps its capital."""
     first, *others = titles or [""]
     return f", {link} ".join([first, *(title[:1].lower() + title[1:] for title in others)])
+
+
+def notices(diagnosis: DiagnosisData) -> tuple[tuple[str, str, str], ...]:
+    """Return what JSON, terminal and page all say: a status that is not good, findings about the data, remarks.
+
+    The findings are sorted, worst first. Each with its kind (``status``, ``remark`` of the diagnosis, or the severity
+    of a finding: ``blocks``, ``suspect``
+    or ``remark``), its source (``fit``, ``data`` or ``diagnosis``) and its text.
+    """
+    status = () if diagnosis.status == "ok" else (("status", "fit", f"{diagnosis.status}: {diagnosis.caution}"),)
+    findings = ((f.severity, "data", f"{f.code}: {f.message}") for f in diagnosis.checks.findings)
+    return (*status, *findings, *(("remark", "diagnosis", remark) for remark in diagnosis.remarks))

@@ -156,8 +156,7 @@ def check(
         message = run.message or same.message
         if message:
             break
-        at_ends = np.concatenate([same.state[:, 0], same.state[-1:, 1]])[:, : len(CHANNELS)]
-        difference = np.abs(at_ends - run.velocity).max(axis=0)
+        difference = np.abs(same.at_steps()[:, : len(CHANNELS)] - run.velocity).max(axis=0)
         reach = np.ptp(run.velocity, axis=0)
         span = _by_channel(reach)
         levels.append(Level(step / 2**halving, _by_channel(difference), _by_channel(difference / reach)))

@@ -1,10 +1,11 @@
-"""One simulated run of a fish with its effects, in either engine: what a camera would have measured."""
+"""One simulated run of a fish with its effects, in either engine, as a camera would measure it; and bands of runs."""
 
 from __future__ import annotations
 
+import math
 import tomllib
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -23,12 +24,64 @@ from mjfish.files import tomlfile
 from mjfish.files.plain_data import unsaved
 from mjfish.files.result import Result
 from mjfish.fish import Fish
-from mjfish.fish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.model import extended
 from mjfish.model.model import Prepared
 from mjfish.model.origin import outside
+from mjfish.mujoco.viewer import Player, Tank
 from mjfish.numerics.arrays import FloatArray, readonly
-from mjfish.simulation.band import Band, band
+
+#: Percentages of the fish that are slower.
+LEVELS = (5.0, 50.0, 95.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Quantiles over fish that swam the same run.
+
+    Attributes:
+        levels: (3,) percentages: 5, 50 and 95.
+        time: (n,) increasing [s].
+        velocity: (3, n, 3) quantiles of surge, sway [m/s] and yaw rate [rad/s] at each level.
+        mean_surge: (3,) quantiles of the mean surge of the second half of the run [m/s].
+        mean_yaw_rate: (3,) likewise of the mean yaw rate [rad/s].
+        fish: how many are in it.
+    """
+
+    levels: tuple[float, ...]
+    time: FloatArray
+    velocity: FloatArray
+    mean_surge: tuple[float, ...]
+    mean_yaw_rate: tuple[float, ...]
+    fish: int
+
+    def summary(self) -> str:
+        """Return the quantiles of the means of the second half, in a line."""
+        surge, yaw = (" / ".join(f"{value:.3f}" for value in own) for own in (self.mean_surge, self.mean_yaw_rate))
+        levels = " / ".join(f"{level:g}" for level in self.levels)
+        return f"{levels} % of {self.fish} draws: mean surge of the second half {surge} m/s, mean yaw rate {yaw} rad/s"
+
+    def write_table(self, path: str | Path) -> None:
+        """Write time and quantiles, ``surge_5 [m/s]`` and so on, as CSV or Parquet.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        columns = {
+            f"{channel}_{level:g} [{UNITS[channel]}]": self.velocity[i, :, k]
+            for k, channel in enumerate(CHANNELS)
+            for i, level in enumerate(self.levels)
+        }
+        write_table(path, {"time [s]": self.time, **columns})
+
+
+def band(time: FloatArray, velocities: Sequence[FloatArray]) -> Band:
+    """Return the band of velocities (n, 3), one a fish, all at the same times (n,) [s]."""
+    every = np.stack(velocities)
+    means = np.percentile(every[:, len(time) // 2 :].mean(axis=1), LEVELS, axis=0)
+    surge, yaw = (tuple(map(float, means[:, k])) for k in (0, 2))
+    return Band(LEVELS, time, np.percentile(every, LEVELS, axis=0), surge, yaw, len(every))
+
 
 #: Longest step of both engines [s].
 STEP = 0.001
@@ -90,8 +143,7 @@ class Simulation(Result):
         if not through:
             raise InputError(f"{self.drive}: none of the draws swam to the end; sample others, or give a slower drive")
         for draw in through:
-            same = (draw.fish, draw.drive) == (self.fish, self.drive) and np.array_equal(draw.time, self.time)
-            if not same:
+            if (draw.fish, draw.drive) != (self.fish, self.drive) or not np.array_equal(draw.time, self.time):
                 raise InputError(
                     f"a draw of {draw.fish} swam {draw.drive} for {draw.time[-1]:g} s, expected {self.fish}, "
                     f"{self.drive}, {self.time[-1]:g} s; give draws of the same fish, simulated alike"
@@ -113,13 +165,11 @@ class Simulation(Result):
         Raises:
             InputError: another suffix, or the file cannot be written.
         """
-        names = ["time", *CHANNELS, *columns.POSE]
-        names += [columns.joint(k + 1) for k in range(self.joint_angle.shape[1])]
-        blocks = [self.time, self.velocity, self.pose, self.joint_angle]
+        joints = (columns.joint(k + 1) for k in range(self.joint_angle.shape[1]))
+        names = ["time", *CHANNELS, *columns.POSE, *joints]
+        table = np.column_stack([self.time, self.velocity, self.pose, self.joint_angle])
         if self.attitude is not None:
-            names += columns.ATTITUDE
-            blocks.append(self.attitude)
-        table = np.column_stack(blocks)
+            names, table = [*names, *columns.ATTITUDE], np.column_stack([table, self.attitude])
         write_table(path, {columns.header(name): table[:, k] for k, name in enumerate(names)})
 
 
@@ -314,8 +364,30 @@ def _in_mujoco(run: Prepared, free: bool) -> _Swum:
         free=mujoco.Trim() if free else None,
     )  # fmt: skip
     time = np.minimum(run.time, run.motion.time[-1])
-    tail = np.zeros((len(swum.time), 2))
-    series = np.column_stack([swum.velocity, swum.pose, tail, swum.attitude, swum.joint_angle])
-    at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
     states = np.column_stack([swum.velocity, swum.pose])
+    series = np.column_stack([states, np.zeros((len(states), 2)), swum.attitude, swum.joint_angle])
+    at = np.column_stack([np.interp(time, swum.time, column, right=np.nan) for column in series.T])
     return _Swum(at[:, :8], at[:, 11:], at[:, 8:11], swum.status, swum.message, swum.motion(), states)
+
+
+def tank(
+    fish: Fish | extended.Extended | str | Path = "pike",
+    mode: str = "v1",
+    *,
+    values: Mapping[str, float] | None = None,
+    effects: Causes = None,
+    drive: Wave | str | Path | None = None,
+    free: bool = False,
+) -> Tank:
+    """Return a fish in water for `mjfish.mujoco.viewer.show`; arguments and errors as of `mjfish.simulate`.
+
+    The drive goes on with its last beat, a file of joint angles with all of it.
+    """
+    run, trial = prepared(fish, mode, values=values, effects=effects, drive=drive)
+    beat = float(run.motion.time[-1])
+    if trial.drive:
+        beat = min(beat, 2.0 * math.pi / trial.drive[-1].omega)
+    elif trial.wave is not None:
+        beat = min(beat, 1.0 / trial.wave.frequency)
+    trim = mujoco.Trim() if free else None
+    return Tank(run.fish, Player(run.motion, beat), values=run.coefficients, free=trim, loads=run.loads)

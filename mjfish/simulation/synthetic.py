@@ -163,7 +163,7 @@ def _with_joints(
 
 def _measured(sensor: Sensor, read: FloatArray, rng: np.random.Generator) -> Sensor:
     """Return a sensor with what it reads and white noise of its sigma."""
-    sigma = np.zeros(read.shape[1]) if sensor.sigma is None else sensor.sigma
+    sigma = 0.0 if sensor.sigma is None else sensor.sigma
     return replace(sensor, values=read + rng.standard_normal(read.shape) * sigma)
 
 

@@ -16,9 +16,9 @@ import pytest
 from diagnosed import diagnosis, learned_diagnosis
 
 from mjfish.cli import console
+from mjfish.cli.data import show as show_data
 from mjfish.cli.data import show_report
 from mjfish.cli.diagnosis_text import LINES, show
-from mjfish.cli.inspect import show as show_data
 from mjfish.data import Dataset, Trial
 from mjfish.data.importers import Cut, FileReport, ImportReport
 from mjfish.diagnosis import Diagnosis

@@ -12,16 +12,16 @@ from command_line import Run
 from diagnosed import diagnosis
 from gl import skip_without_gl
 
-from mjfish.reporting.film import files
+from mjfish.reporting import film
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw few and small pictures."""
     skip_without_gl()
-    for suffix in files.SUFFIXES:
-        monkeypatch.setitem(files._SIZES, suffix, (320, 180))
-    monkeypatch.setitem(files._RATES, ".gif", 2.0)
+    for suffix in film.SUFFIXES:
+        monkeypatch.setitem(film._SIZES, suffix, (320, 180))
+    monkeypatch.setitem(film._RATES, ".gif", 2.0)
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from diagnosed import SPEEDS, diagnosis, drag_curve, learned_diagnosis
 from logs import entities, text
 from rerun.chunk import RrdReader
 
+from mjfish.reporting.curves import span, stretches
 from mjfish.reporting.log import write_log
 from mjfish.reporting.log.curves import FRAME, form_tab, placed_in_frame
-from mjfish.reporting.stretches import span, stretches
 
 BODY = "/curves/drag_law/c_d-body"
 

@@ -16,7 +16,7 @@ from mjfish.model import requested_motion
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log import recording, write_log
 from mjfish.reporting.log.drawing import GHOST, beat_paths, camera_path, drawn, reach
-from mjfish.reporting.log.events import events_of
+from mjfish.reporting.log.results import events_of
 from mjfish.reporting.log.scene import Run, Swim
 from mjfish.simulation import simulate
 

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from mjfish.fish import Fish
 from mjfish.mujoco import Trim, mjcf
 from mjfish.reporting.log import write_log
-from mjfish.reporting.log.body import link_poses
-from mjfish.reporting.log.drawing import camera_path, drawn
+from mjfish.reporting.log.drawing import camera_path, drawn, link_poses
 from mjfish.reporting.log.recording import floor_lines
 from mjfish.reporting.log.scene import Run, Swim
 from mjfish.simulation import simulate

@@ -9,8 +9,7 @@ from mjfish.drive.motion import JointMotion
 from mjfish.fish import Fish
 from mjfish.fish.outline import section_at
 from mjfish.ode.forces import link_forces
-from mjfish.reporting.log.body import link_mesh, link_poses, normals
-from mjfish.reporting.log.drawing import arrow_scale, camera_path, drawn
+from mjfish.reporting.log.drawing import arrow_scale, camera_path, drawn, link_mesh, link_poses, normals
 from mjfish.reporting.log.recording import floor_lines
 from mjfish.reporting.log.scene import Run, Swim, placed, travelled
 

@@ -11,7 +11,7 @@ from wet_models import TREE, compiled, tree, tree_links
 
 from mjfish.errors import InputError
 from mjfish.mujoco import StripFluid, coupling_choice, fluid
-from mjfish.mujoco.checked import FIELDS, OPTIONS
+from mjfish.mujoco.coupling_choice import FIELDS, OPTIONS
 from mjfish.mujoco.memory import make_room, room_in
 
 _SIZES_AND_NAMES = {"opt", "nbody", "nv", "nu", "njnt", "neq", "npair", "actuator", "joint"}

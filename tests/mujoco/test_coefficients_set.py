@@ -13,7 +13,7 @@ from wet_models import PUSHES, TREE, compiled, full_state, stirred, tree, tree_l
 
 from mjfish.errors import InputError, UnknownNameError
 from mjfish.mujoco import StripFluid
-from mjfish.mujoco.strip_link import COEFFICIENTS
+from mjfish.mujoco.links import COEFFICIENTS
 from mjfish.numerics.arrays import FloatArray
 
 _OTHER: dict[str, Any] = {

@@ -15,7 +15,7 @@ from mjfish.fish import Fish
 from mjfish.mujoco import StripFluid, mjcf, viewer
 from mjfish.mujoco.viewer import DRIVE, Player, Tank
 from mjfish.simulation import simulate
-from mjfish.simulation.viewer import tank
+from mjfish.simulation.run import tank
 
 
 def _swim(of: Tank, seconds: float) -> None:

@@ -8,7 +8,7 @@ from joint_motions import waving
 
 from mjfish import ode
 from mjfish.fish import Fish, frames
-from mjfish.ode.kinematics import link_velocities
+from mjfish.ode.forces import link_velocities
 
 START = np.array([0.4, 0.1, -0.5])
 

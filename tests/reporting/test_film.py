@@ -16,8 +16,7 @@ from imageio_ffmpeg import get_ffmpeg_exe
 from mjfish.drive.wave import travelling
 from mjfish.errors import InputError
 from mjfish.reporting import film
-from mjfish.reporting.film import files
-from mjfish.reporting.film.caption import caption_of, captioned
+from mjfish.reporting.film import caption_of, captioned
 from mjfish.reporting.log import write_log
 from mjfish.reporting.log.drawing import Drawing
 from mjfish.reporting.log.reading import read_log
@@ -37,8 +36,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw few and small pictures."""
     skip_without_gl()
     for suffix in (".mp4", ".gif"):
-        monkeypatch.setitem(files._SIZES, suffix, (480, 270))
-        monkeypatch.setitem(files._RATES, suffix, 5.0)
+        monkeypatch.setitem(film._SIZES, suffix, (480, 270))
+        monkeypatch.setitem(film._RATES, suffix, 5.0)
 
 
 def _decoded(path: Path) -> np.ndarray:

@@ -11,8 +11,8 @@ from diagnosed import diagnosis, learned_diagnosis, splits
 
 from mjfish.reporting.html.diagnosis import render_diagnosis
 from mjfish.reporting.html.figures import profile_figure
+from mjfish.reporting.html.misfit import beat_figure
 from mjfish.reporting.html.pages import Block, Section, write_figures
-from mjfish.reporting.html.residuals import beat_figure
 
 #: Opens everything that is folded.
 OPEN = "document.querySelectorAll('details').forEach((details) => { details.open = true; });"

@@ -10,9 +10,9 @@ import pytest
 from diagnosed import SPEEDS, VISITED, diagnosis, drag_curve, drag_law, learned_diagnosis
 
 from mjfish.effects import find
+from mjfish.reporting.curves import logarithmic, span, stretches
 from mjfish.reporting.html.curves import curve_figure, form_rows
 from mjfish.reporting.html.diagnosis import render_diagnosis
-from mjfish.reporting.stretches import logarithmic, span, stretches
 
 
 def _text(html: str) -> str:

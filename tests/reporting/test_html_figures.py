@@ -18,8 +18,8 @@ from mjfish.reporting.html.figures import (
     profile_figure,
     thinned,
 )
+from mjfish.reporting.html.misfit import beat_figure
 from mjfish.reporting.html.pages import themed
-from mjfish.reporting.html.residuals import beat_figure
 
 
 def test_a_long_curve_keeps_its_extremes() -> None:

@@ -11,7 +11,7 @@ import pytest
 from diagnosed import diagnosis
 
 from mjfish.diagnosis import Diagnosis
-from mjfish.reporting.html.residuals import BINS, SPEEDS, beat_figure, binned, by_phase, by_quantiles, speed_figure
+from mjfish.reporting.html.misfit import BINS, SPEEDS, beat_figure, binned, by_phase, by_quantiles, speed_figure
 
 
 def test_what_repeats_with_the_beat_is_seen_and_what_does_not_averages_out() -> None:

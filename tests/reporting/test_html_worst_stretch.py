@@ -9,7 +9,7 @@ import pytest
 from diagnosed import diagnosis
 
 from mjfish.diagnosis import Diagnosis
-from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
+from mjfish.reporting.html.misfit import stretch_figure, worst_stretch
 
 
 def _off(found: Diagnosis, trial: int, channel: int, at: slice) -> Diagnosis:

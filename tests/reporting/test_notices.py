@@ -16,7 +16,7 @@ from mjfish.diagnosis import Diagnosis
 from mjfish.diagnosis.next_steps import CAUTIONS
 from mjfish.inspection import Finding, Inspection
 from mjfish.reporting.html.diagnosis import render_diagnosis
-from mjfish.reporting.notices import notices
+from mjfish.reporting.titles import notices
 
 
 def _warned() -> Diagnosis:

@@ -13,7 +13,7 @@ from mjfish.hydro.force import crossflow
 from mjfish.hydro.spatial_force import added_momentum, spatial_drag, spatial_gyroscopic, spatial_munk
 from mjfish.mujoco.block import records
 from mjfish.mujoco.coupling_choice import Coupling
-from mjfish.mujoco.strip_link import StripLink
+from mjfish.mujoco.links import StripLink
 from mjfish.numerics.arrays import FloatArray, RecordArray
 from proofs import parts, trees
 from proofs.dense_equation import dried, state_of

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from mjfish.diagnosis import Candidate, DiagnosisData
 from mjfish.diagnosis.table import Row
 from mjfish.diagnosis.thresholds import THRESHOLDS
@@ -15,8 +13,7 @@ _CONFOUNDED = 0.9
 
 def detectable(candidate: Candidate, diagnosis: DiagnosisData) -> tuple[str, ...]:
     """Return the minimum detectable effect of each amplitude, with its unit."""
-    cause = diagnosis.setup.causes.get(candidate.name)
-    units = cause.units if cause else {}
+    units = diagnosis.setup.causes[candidate.name].units if candidate.name in diagnosis.setup.causes else {}
     return tuple(
         f"{name.rpartition('.')[2]} {number(size, 2)} {unit(units.get(name, '-'))}".strip()
         for name, size in (candidate.minimum_detectable or {}).items()
@@ -25,18 +22,11 @@ def detectable(candidate: Candidate, diagnosis: DiagnosisData) -> tuple[str, ...
 
 def remark(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     """Return all that is said of a candidate: the judgement, then what to mind about its numbers."""
-    sentence = judgement(candidate, diagnosis, detectable(candidate, diagnosis))
-    return " ".join(filter(None, [sentence, *cautions(candidate, diagnosis)]))
+    return " ".join(filter(None, [judgement(candidate, diagnosis), *cautions(candidate, diagnosis)]))
 
 
-def judgement(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[str]) -> str:
-    """Say in a sentence why the candidate is, or is not, the cause.
-
-    Args:
-        candidate: to judge.
-        diagnosis: that it is of.
-        sizes: its minimum detectable effects.
-    """
+def judgement(candidate: Candidate, diagnosis: DiagnosisData) -> str:
+    """Say in a sentence why the candidate is, or is not, the cause."""
     if candidate.failure:
         return f"Failed: {candidate.failure}."
     if not candidate.applicable:
@@ -47,13 +37,15 @@ def judgement(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[st
         left = f", and with it {_remainder_text(candidate.row)}" if (candidate.name,) in diagnosis.alternatives else ""
         return f"Possible: the data cannot tell it from its rivals{left}."
     if (row := candidate.row) is None:
-        return _not_refitted(candidate, diagnosis, sizes)
+        return _not_refitted(candidate, diagnosis)
     if diagnosis.verdict == "cannot_tell" and (candidate.name,) in diagnosis.alternatives:
         if _clean(row):
             return "Possible: it explains no more than chance might, and with it nothing systematic is left."
         return f"Possible, and the closest: with it {_remainder_text(row)}."
-    if not row.tests:
-        return _ruled_out(diagnosis)
+    if not row.tests:  # single causes stand against the best single one, whether or not it needs company
+        leader = max(diagnosis.candidates, key=lambda other: other.row.rival_p if other.row else 0.0).name
+        alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
+        return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
     if not _clean(row):
         return f"Close, but with it in the model {_remainder_text(row)}."
     if row.held_out is not None and row.held_out.gained <= 0.0:
@@ -65,11 +57,12 @@ def cautions(candidate: Candidate, diagnosis: DiagnosisData) -> list[str]:
     """Return what to mind about the numbers of a candidate."""
     found = []
     if candidate.applicable and candidate.confounded > _CONFOUNDED and candidate.name not in diagnosis.undetectable:
-        share = percent(candidate.confounded, 2)
-        found.append(f"A refit of the coefficients removes {share} of its signature: these trials say little about it.")
+        found.append(
+            f"A refit of the coefficients removes {percent(candidate.confounded, 2)} of its signature: these trials "
+            "say little about it."
+        )
     sizes = {} if candidate.row is None else candidate.row.sizes
-    stuck = [name.rpartition(".")[2] for name, value in sizes.items() if value.at_bound]
-    if stuck:
+    if stuck := [name.rpartition(".")[2] for name, value in sizes.items() if value.at_bound]:
         found.append(f"On its bound: {', '.join(stuck)}.")
     if candidate.applicable and candidate.remark:
         found.append(candidate.remark)
@@ -79,27 +72,18 @@ def cautions(candidate: Candidate, diagnosis: DiagnosisData) -> list[str]:
 def _at_work(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     if diagnosis.verdict != "named":
         return "At work, whichever rival is the other cause."
-    others = [cause.name for cause in diagnosis.causes if cause.name != candidate.name]
-    if others:
+    if others := [cause.name for cause in diagnosis.causes if cause.name != candidate.name]:
         return f"One of the causes, beside {' and '.join(others)}."
     return f"The cause: with it in the model {_remainder_text(candidate.row)}."
 
 
-def _not_refitted(candidate: Candidate, diagnosis: DiagnosisData, sizes: Sequence[str]) -> str:
+def _not_refitted(candidate: Candidate, diagnosis: DiagnosisData) -> str:
     if candidate.name in diagnosis.undetectable:
         return f"Undetectable: {diagnosis.undetectable[candidate.name]}."
     if candidate.score_p < THRESHOLDS.keep and any(other.row is not None for other in diagnosis.candidates):
         return "Not refitted: others have better scores."
-    if not sizes:
-        return "No sign of it."
-    return f"No sign of it; the minimum detectable effect is {' and '.join(sizes)}."
-
-
-def _ruled_out(diagnosis: DiagnosisData) -> str:
-    """Say by whom: single causes stand against the best single one, whether or not it needs company."""
-    leader = max(diagnosis.candidates, key=lambda other: other.row.rival_p if other.row else 0.0).name
-    alone = " as the only cause" if any(len(names) > 1 for names in diagnosis.alternatives) else ""
-    return f"Ruled out{alone}: {leader} explains the misfit better by more than chance allows."
+    sizes = " and ".join(detectable(candidate, diagnosis))
+    return f"No sign of it; the minimum detectable effect is {sizes}." if sizes else "No sign of it."
 
 
 def _clean(row: Row | None) -> bool:
@@ -140,5 +124,5 @@ def rivals(diagnosis: DiagnosisData) -> list[tuple[tuple[str, ...], Row | None]]
     if diagnosis.verdict != "cannot_tell" or len(diagnosis.alternatives) < 2:
         return []
     rows = {frozenset(row.names): row for row in diagnosis.table.rows}
-    every = [(names, rows.get(frozenset(names))) for names in diagnosis.alternatives]
-    return sorted(every, key=lambda rival: {*rival[0]} != {*diagnosis.best})
+    order = sorted(diagnosis.alternatives, key=lambda names: {*names} != {*diagnosis.best})
+    return [(names, rows.get(frozenset(names))) for names in order]

@@ -12,8 +12,8 @@ import plotly.graph_objects as go
 from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.numerics.formats import number, unit
+from mjfish.reporting.curves import logarithmic, span, stretches
 from mjfish.reporting.html.figures import COLUMNS, Panel, panels
-from mjfish.reporting.stretches import logarithmic, span, stretches
 
 #: How the quantities of curves read; others by their name.
 QUANTITY_NAMES = {
@@ -51,23 +51,25 @@ FormRow = tuple[str, tuple[FormFigure, ...]]
 
 def form_rows(mechanisms: Iterable[NamedMechanism]) -> list[FormRow]:
     """Return the figures of every mechanism that has curves."""
-    rows = []
-    for mechanism in mechanisms:
-        quantities: dict[str, list[MeasuredCurve]] = {}
-        for curve in mechanism.curves:
-            quantities.setdefault(curve.quantity, []).append(curve)
-        if quantities:
-            rows.append((mechanism.told, tuple(_drawn(name, own) for name, own in quantities.items())))
-    return rows
+    return [
+        (mechanism.told, tuple(_drawn(mechanism.curves, name) for name in dict.fromkeys(quantities)))
+        for mechanism in mechanisms
+        if (quantities := [curve.quantity for curve in mechanism.curves])
+    ]
 
 
-def _drawn(quantity: str, curves: list[MeasuredCurve]) -> FormFigure:
+def _drawn(every: Iterable[MeasuredCurve], quantity: str) -> FormFigure:
+    """Return the figure of the curves of one quantity."""
+    curves = [curve for curve in every if curve.quantity == quantity]
     groups, x = [curve.group for curve in curves], curves[0].x
-    words = QUANTITY_NAMES.get(quantity, quantity)
     been = "; ".join(f"{curve.group} {_been(curve)}" for curve in curves)
-    caption = f"{quantity} over the {x.name.replace('_', ' ')}, with its 95 % band. Where the runs have been: {been}."
     named = " and ".join([", ".join(groups[:-1]), groups[-1]] if len(groups) > 1 else groups)
-    return FormFigure(f"{words}: {named}", caption, curve_figure(curves), min(len(curves) / COLUMNS, 1.0))
+    return FormFigure(
+        f"{QUANTITY_NAMES.get(quantity, quantity)}: {named}",
+        f"{quantity} over the {x.name.replace('_', ' ')}, with its 95 % band. Where the runs have been: {been}.",
+        curve_figure(curves),
+        min(len(curves) / COLUMNS, 1.0),
+    )
 
 
 def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
@@ -107,6 +109,5 @@ def curve_figure(curves: list[MeasuredCurve]) -> go.Figure:
 def _been(curve: MeasuredCurve) -> str:
     if curve.seen is None or curve.bears == "nothing":
         return "nowhere that says something of it"
-    low, high = (number(x, 2) for x in curve.seen)
     only = " (the runs bear one number, no curve)" if curve.bears == "number" else ""
-    return f"{low} to {high} {curve.x.unit}{only}"
+    return f"{' to '.join(number(x, 2) for x in curve.seen)} {curve.x.unit}{only}"

@@ -17,11 +17,9 @@ from mjfish.reporting.html.candidates import detectable, grouped, possible, rema
 from mjfish.reporting.html.curves import FormRow, form_rows
 from mjfish.reporting.html.figures import force_figure, overlay_figure, path_figure, worst_path
 from mjfish.reporting.html.methods import methods
+from mjfish.reporting.html.misfit import beat_figure, speed_figure, stretch_figure, worst_stretch
 from mjfish.reporting.html.pages import render
-from mjfish.reporting.html.residuals import beat_figure, speed_figure
-from mjfish.reporting.html.worst_stretch import stretch_figure, worst_stretch
-from mjfish.reporting.notices import notices
-from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title
+from mjfish.reporting.titles import VERDICTS, cause_title, headline, mechanism_title, notices
 
 _PARTS = ("start-up", "transition", "steady")
 
@@ -40,6 +38,8 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
     overlays = sorted(diagnosis.overlays, key=lambda overlay: not overlay.held_out)
     names = [*diagnosis.nominal, *(name for name in diagnosis.extended if name not in diagnosis.nominal)]
     setup, knots = diagnosis.setup, diagnosis.setup.knots
+    densest = diagnosis.where.trial if diagnosis.where is not None else ""
+    forces = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
     forms = form_rows(diagnosis.mechanisms)
     return render(
         "diagnosis.html.j2",
@@ -61,7 +61,7 @@ def render_diagnosis(diagnosis: DiagnosisData, splits: Splits | None = None) -> 
         beat=beat_figure(diagnosis),
         speed=speed_figure(diagnosis),
         where=shares(diagnosis),
-        forces=_forces(diagnosis),
+        forces=[(missing.trial, force_figure(missing)) for missing in forces],
         effects=setup.causes,
         chosen=possible(diagnosis),
         grouped=grouped(diagnosis),
@@ -113,24 +113,15 @@ def picture(diagnosis: DiagnosisData, forms: Sequence[FormRow]) -> tuple[str, go
         return (first.title, first.figure, readings.CURVE)
     if not diagnosis.setup.velocities and (worst := worst_path(diagnosis)) is not None:
         run, places = worst
-        held_out = "held-out " if run.held_out else ""
-        title = f"Path in {held_out}trial {run.trial.name}: where the nominal model is worst"
-        return (title, path_figure(diagnosis, places), readings.PATH)
+        trial = f"{'held-out ' if run.held_out else ''}trial {run.trial.name}"
+        return (f"Path in {trial}: where the nominal model is worst", path_figure(diagnosis, places), readings.PATH)
     stretch = worst_stretch(diagnosis)
     return (stretch.title, stretch_figure(diagnosis, stretch), readings.STRETCH)
 
 
-def _forces(diagnosis: DiagnosisData) -> list[tuple[str, go.Figure]]:
-    """Return the missing force of every trial; first where the misfit is densest."""
-    densest = diagnosis.where.trial if diagnosis.where is not None else ""
-    ordered = sorted(diagnosis.force, key=lambda missing: missing.trial != densest)
-    return [(missing.trial, force_figure(missing)) for missing in ordered]
-
-
 def shares(diagnosis: DiagnosisData) -> list[tuple[str, str, dict[str, float]]]:
     """Return where the misfit sits: title of each group, where it is densest, and all shares of it in order."""
-    where = diagnosis.where
-    if where is None:
+    if (where := diagnosis.where) is None:
         return []
     trials = [overlay.trial.name for overlay in diagnosis.overlays]
     named = {channel_name(name): share for name, share in where.channels.items()}
@@ -152,9 +143,8 @@ def _in_order(found: dict[str, float], order: Iterable[str]) -> dict[str, float]
 def whiskers(*estimates: Estimate) -> list[dict[str, float]]:
     """Place estimates and their intervals on one line, in percent of its width, with a margin at both ends."""
     low, high = min(e.low for e in estimates), max(e.high for e in estimates)
-    width = max(high - low, 1e-300)
 
     def place(value: float) -> float:
-        return round(6.0 + 88.0 * min(max((value - low) / width, 0.0), 1.0), 2)
+        return round(6.0 + 88.0 * min(max((value - low) / max(high - low, 1e-300), 0.0), 1.0), 2)
 
     return [{"at": place(e.estimate), "low": place(e.low), "high": place(e.high)} for e in estimates]

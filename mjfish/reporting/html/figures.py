@@ -167,8 +167,9 @@ def trial_figure(trial: Trial, predicted: Mapping[str, FloatArray], read: Sequen
         [Series(title, trial.time, trial.velocity[:, k], _column(predicted, k)) for k, title in enumerate(VELOCITIES)]
     )
     for segment in trial.drive[1:]:
-        line = {"color": COLOURS["muted"], "width": 1, "dash": "dot"}
-        figure.add_vline(segment.start, row="all", col="all", line=line)
+        figure.add_vline(
+            segment.start, row="all", col="all", line={"color": COLOURS["muted"], "width": 1, "dash": "dot"}
+        )
     return figure
 
 
@@ -245,10 +246,9 @@ def path_figure(diagnosis: DiagnosisData, places: SensorOverlay) -> go.Figure:
 
 def residual_figure(residual: Residual) -> go.Figure:
     """Return one trial of an identification as measured and as the fitted model predicts it, where it counts."""
-    measured = residual.trial.measured.any()
-    read = [] if measured else [(own.sensor, {"nominal": own.predicted}) for own in residual.sensors]
+    read = [(own.sensor, {"nominal": own.predicted}) for own in residual.sensors]
     counted = np.where(residual.counted[:, None], residual.predicted, np.nan)
-    return trial_figure(residual.trial, {"nominal": counted}, read)
+    return trial_figure(residual.trial, {"nominal": counted}, () if residual.trial.measured.any() else read)
 
 
 def force_figure(missing: MissingForce) -> go.Figure:
@@ -282,8 +282,9 @@ def profile_figure(profiles: Sequence[Profile]) -> go.Figure:
         panel.curve(inner[drawn], parabola[drawn], "muted", "parabola", dash="dot")
         panel.marked(profile.values, profile.rise, "nominal", "refits", width=2.0)
         panel.heading(html.escape(profile.name))
-        band = {"fillcolor": COLOURS["nominal-soft"], "line_width": 0}
-        figure.add_vrect(profile.low, profile.high, layer="below", **band, **at)
+        figure.add_vrect(
+            profile.low, profile.high, layer="below", fillcolor=COLOURS["nominal-soft"], line_width=0, **at
+        )
         figure.add_hline(profile.threshold, line=line, layer="below", **at)
         figure.add_vline(profile.estimate, line=line, layer="below", **at)
         figure.update_xaxes(title_text=f"[{unit(profile.unit)}]" if unit(profile.unit) else "", nticks=4, **at)
@@ -298,8 +299,7 @@ def autocorrelation_figure(tests: Sequence[Autocorrelation]) -> go.Figure:
     for k, channel in enumerate(channels):
         panel = Panel(figure, k + 1)
         panel.heading(html.escape(channel_name(channel)))
-        own = sorted((test for test in tests if test.channel == channel), key=lambda test: test.trial == ALL)
-        for test in own:
+        for test in sorted((own for own in tests if own.channel == channel), key=lambda own: own.trial == ALL):
             if test.trial == ALL:
                 panel.band(test.lag, -test.band, test.band, "nominal-soft", "white residual")
                 panel.marked(test.lag, test.value, "nominal", "all trials")

@@ -77,12 +77,10 @@ def _simulated(name: str, residuals: Sequence[Residual]) -> Section:
     blocks: list[Block] = []
     for residual in residuals:
         fits = {score.channel: score.fit for score in agreement([residual], horizons=()) if score.part == "whole"}
-        listed = ", ".join(
-            f"{CHANNEL_NAMES[c]} {fits[c]:.1f} %" if c in fits else f"{CHANNEL_NAMES[c]} not measured" for c in CHANNELS
-        )
-        remark = "the rollout diverged" if residual.diverged else f"fit: {listed}"
-        held_out = " (held out)" if residual.role == "held_out" else ""
-        blocks.append(Block(residual.trial.name + held_out, remark, residual_figure(residual), len(blocks) < 3))
+        listed = (f"{CHANNEL_NAMES[c]} {f'{fits[c]:.1f} %' if c in fits else 'not measured'}" for c in CHANNELS)
+        remark = "the rollout diverged" if residual.diverged else f"fit: {', '.join(listed)}"
+        heading = f"{residual.trial.name}{' (held out)' if residual.role == 'held_out' else ''}"
+        blocks.append(Block(heading, remark, residual_figure(residual), len(blocks) < 3))
     return Section(
         f"{name}: measured against simulated",
         "Simulated curves are drawn where samples count. Fit: 100 % is perfect, 0 % no better than the mean.",
@@ -110,9 +108,14 @@ def _cross_correlation(name: str, tests: ResidualTests) -> Section:
     for trial in [ALL, *dict.fromkeys(test.trial for test in tests.independence if test.trial != ALL)]:
         found = [test.p_value for test in tests.independence if test.trial == trial]
         least = min((p for p in found if np.isfinite(p)), default=np.nan)
-        figure = cross_correlation_figure(tests.independence, trial)
-        heading = "All trials" if trial == ALL else trial
-        blocks.append(Block(heading, f"smallest p {p_value(least)} of {len(found)}", figure, trial == ALL))
+        blocks.append(
+            Block(
+                "All trials" if trial == ALL else trial,
+                f"smallest p {p_value(least)} of {len(found)}",
+                cross_correlation_figure(tests.independence, trial),
+                trial == ALL,
+            )
+        )
     return Section(
         f"{name}: is the residual independent of the input?",
         "Cross-correlation of the residual with the command of the last joint and with its square. The band holds 99 % "

@@ -37,9 +37,8 @@ def methods(diagnosis: DiagnosisData) -> tuple[tuple[str, ...], dict[str, str]]:
     Numbers are those of this diagnosis; what was not done is not said.
     """
     parts = (_data(diagnosis), _tests(diagnosis), _causes(diagnosis), _held_out(diagnosis), _rest(diagnosis))
-    paragraphs = tuple(" ".join(sentences) for part in parts if (sentences := list(part)))
-    cited = {key: work for key, work in REFERENCES.items() if any(f"[{key}]" in text for text in paragraphs)}
-    return paragraphs, cited
+    paragraphs = tuple(filter(None, map(" ".join, parts)))
+    return paragraphs, {key: work for key, work in REFERENCES.items() if f"[{key}]" in " ".join(paragraphs)}
 
 
 def noise_words(noise: Mapping[str, Any]) -> str:
@@ -51,11 +50,12 @@ def noise_words(noise: Mapping[str, Any]) -> str:
 
 
 def _data(diagnosis: DiagnosisData) -> Iterable[str]:
-    setup, fitted = diagnosis.setup, [o for o in diagnosis.overlays if not o.held_out]
+    setup = diagnosis.setup
     samples = sum(len(overlay.trial.time) for overlay in diagnosis.overlays)
     held = [overlay.trial.name for overlay in diagnosis.overlays if overlay.held_out]
-    fits = f"{len(fitted)} {'was' if len(fitted) == 1 else 'were'} fitted"
-    kept = f"{fits}, and held out: {', '.join(held)}" if held else "all were fitted"
+    fitted = len(diagnosis.overlays) - len(held)
+    fits = f"{fitted} {'was' if fitted == 1 else 'were'} fitted, and held out: {', '.join(held)}"
+    kept = fits if held else "all were fitted"
     yield (
         f"The dataset {setup.dataset} has {len(diagnosis.overlays)} trials of the fish {setup.fish} with "
         f"{samples} samples; {kept}."
@@ -95,8 +95,8 @@ def _causes(diagnosis: DiagnosisData) -> Iterable[str]:
         if effect is not None and effect.learned:
             yield "Its form was learned: values of curves, kept smooth by a prior [Wood2017]."
             continue
-        sizes = [f"{name} = {value.told}" for name, value in cause.parameters.items()]
-        yield f"Estimates with 95 % intervals: {'; '.join(sizes)}."
+        sizes = "; ".join(f"{name} = {value.told}" for name, value in cause.parameters.items())
+        yield f"Estimates with 95 % intervals: {sizes}."
 
 
 def _held_out(diagnosis: DiagnosisData) -> Iterable[str]:

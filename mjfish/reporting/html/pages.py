@@ -94,7 +94,7 @@ class Shown(go.Figure):  # type: ignore[misc]  # plotly has no types
     _ipython_display_ = None  # it would come first
 
     def _repr_mimebundle_(self, *_: Any, **__: Any) -> dict[str, Any]:
-        drawn = str(self.to_html(full_html=False, include_plotlyjs=False))
+        drawn = self.to_html(full_html=False, include_plotlyjs=False)
         return {"text/html": f"<script>{plotly_js()}</script>{drawn}"}
 
 

@@ -14,16 +14,15 @@ import numpy as np
 import plotly.graph_objects as go
 
 from mjfish.comparison import Comparison
-from mjfish.data import Dataset
+from mjfish.data import Dataset, Trial
 from mjfish.data.trial import SMOOTHED, for_looking
 from mjfish.design import Plan
 from mjfish.diagnosis import DiagnosisData, Splits
 from mjfish.errors import InputError
 from mjfish.estimation.identification import Identification
-from mjfish.fish.frames import CHANNELS
+from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection import DataReport, Inspection
 from mjfish.numerics.formats import CHANNEL_NAMES
-from mjfish.reporting.html.data_report import write_data_report
 from mjfish.reporting.html.diagnosis import write_diagnosis
 from mjfish.reporting.html.figures import COLOURS, VELOCITIES, Panel, overlay_figure, panels, residual_figure
 from mjfish.reporting.html.identification import sections
@@ -32,8 +31,10 @@ from mjfish.simulation import CrossCheck, Simulation
 
 #: Colours of trials, in turn.
 _TRIALS = ("extended", "nominal", "measured", "ink", "muted")
-#: Options of a plan that are drawn.
-_OPTIONS = 12
+#: Colours of joints, head to tail from dark to light.
+_JOINTS = ("ink", "extended", "muted", "measured")
+#: Options of a plan that are drawn, and runs of a dataset whose figure is open at first.
+_OPTIONS, _OPEN = 12, 4
 #: Bars of a mechanism in the splits: attribute of its share, words, colour.
 _LEVELS = (
     ("count", "named", "extended"),
@@ -63,8 +64,8 @@ def _(result: Splits) -> go.Figure:
     """Draw in how many splits each mechanism is named, certain, or a part of the best."""
     shares, count = result.mechanisms[::-1], len(result.diagnosed)
     bars = {words: ([getattr(share, level) for share in shares], colour) for level, words, colour in _LEVELS}
-    drawn = _level_bars([share.name for share in shares], bars)
-    return drawn.update_xaxes(title_text=f"splits of {count}", range=[0, max(count, 1)]).update_layout(barmode="stack")
+    drawn = _level_bars([share.name for share in shares], bars).update_layout(barmode="stack")
+    return drawn.update_xaxes(title_text=f"splits of {count}", range=[0, max(count, 1)])
 
 
 def _level_bars(names: Sequence[str], bars: Mapping[str, tuple[Sequence[float], str]]) -> go.Figure:
@@ -87,9 +88,8 @@ def _(result: Identification) -> go.Figure:
 def _(result: Dataset) -> go.Figure:
     """Draw the velocities of every trial over time."""
     drawn, of_channels = _velocities()
-    trials = [for_looking(trial) for trial in result.trials]
     for k, panel in enumerate(of_channels):
-        for trial, colour in zip(trials, itertools.cycle(_TRIALS), strict=False):
+        for trial, colour in zip(map(for_looking, result.trials), itertools.cycle(_TRIALS), strict=False):
             panel.curve(trial.time, trial.velocity[:, k], colour, html.escape(trial.name))
     return drawn.update_layout(title_text=None if all(trial.measured.any() for trial in result.trials) else SMOOTHED)
 
@@ -109,8 +109,8 @@ def _(result: Simulation) -> go.Figure:
 def _velocities() -> tuple[go.Figure, list[Panel]]:
     """Return an empty figure of the velocities over time, and its panels, one a channel."""
     drawn = panels(len(VELOCITIES), height=480, headings=VELOCITIES, shared_xaxes=True, vertical_spacing=0.075)
-    of_channels = [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
-    return drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES)), of_channels
+    drawn.update_xaxes(title_text="time [s]", row=len(VELOCITIES))
+    return drawn, [Panel(drawn, k + 1) for k in range(len(VELOCITIES))]
 
 
 @figure.register
@@ -135,14 +135,15 @@ def _(result: Comparison) -> go.Figure:
 @figure.register
 def _(result: Plan) -> go.Figure:
     """Draw what the best options do: probability of the right verdict, or minimum detectable effect, now and after."""
-    separate = result.question.purpose == "separate"
     options = result.options[:_OPTIONS][::-1]
-    kind = "probability_" if separate else ""
+    separate = result.question.purpose == "separate"
+    kind, title = (
+        ("probability_", "probability of the right verdict") if separate else ("", "minimum detectable effect")
+    )
     bars = {
         when: ([getattr(option.worst, kind + when) for option in options], colour)
         for when, colour in (("now", "measured"), ("after", "extended"))
     }
-    title = "probability of the right verdict" if separate else "minimum detectable effect"
     return _level_bars([option.name for option in options], bars).update_xaxes(title_text=title)
 
 
@@ -152,9 +153,8 @@ def _(result: Inspection) -> go.Figure:
     rows = [(str(f.severity), f.code, f.place, f.found, f.remedy) for f in result.findings]
     rows = rows or [("", "", "", "nothing was found", "")]
     cells = [[html.escape(text) for text in column] for column in zip(*rows, strict=True)]
-    headings = ["severity", "code", "place", "found", "remedy"]
     table = go.Table(
-        header={"values": headings, "align": "left"},
+        header={"values": ["severity", "code", "place", "found", "remedy"], "align": "left"},
         cells={"values": cells, "align": "left"},
         columnwidth=[1, 2, 2, 4, 4],
     )
@@ -186,7 +186,6 @@ def write_report(result: Any, path: Path) -> None:
 
 
 write_report.register(DiagnosisData, write_diagnosis)
-write_report.register(DataReport, write_data_report)
 
 
 @write_report.register
@@ -199,7 +198,60 @@ def _(result: Identification, path: Path) -> None:
     assessment = result.assessment
     if assessment is None:
         raise InputError(f"{result.dataset.name}: the fit {result.fit.status} and has no page; {result.fit.message}")
-    found = sections(result.dataset.name, assessment.residuals, assessment.residual_tests)
     name = result.dataset.name
-    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found.values()]
+    found = sections(name, assessment.residuals, assessment.residual_tests).values()
+    own = [replace(section, title=section.title.removeprefix(f"{name}: ").capitalize()) for section in found]
     write_figures(path, *own, title=f"Identification of {name}", lead=result.summary())
+
+
+@write_report.register
+def _(result: DataReport, path: Path) -> None:
+    """Write findings, causes that the runs cannot show, and the channels run by run."""
+    first, _, rest = result.summary().partition("\n")
+    findings = [f"{finding.severity}: {finding.code}: {finding.message}" for finding in result.inspection.findings]
+    cannot = [f"{name}: {reason}." for name, reason in result.undetectable.items()]
+    cannot += [f"{', '.join(names)}: not told with the finding {code}." for code, names in result.unclear.items()]
+    held_out = {trial.name for trial in result.dataset.split()[1]}
+    blocks = tuple(
+        Block(
+            trial.name,
+            f"{'held out' if trial.name in held_out else 'fitted'}, {len(trial.time)} samples at {trial.rate:.4g} Hz, "
+            f"driven by {trial.driven_by}",
+            _channels(trial),
+            shown=number < _OPEN,
+        )
+        for number, trial in enumerate(result.dataset.trials)
+    )
+    write_figures(
+        path,
+        Section("Findings", "\n\n".join([rest.partition("\n")[0], *findings]), {}, ()),
+        Section("What the runs cannot show", "\n\n".join(cannot) or "Every cause may show.", {}, ()),
+        Section("Channels", "As measured, run by run.", {}, blocks),
+        title=first.removesuffix("."),
+    )
+
+
+def _channels(trial: Trial) -> go.Figure:
+    """Draw the velocities that were measured, the channels of every sensor, and the joint angles."""
+    shown = [
+        (trial.time, trial.velocity[:, k], f"{CHANNEL_NAMES[name]} [{UNITS[name]}]")
+        for k, name in enumerate(CHANNELS)
+        if trial.measured[k]
+    ]
+    shown += [
+        (sensor.time, values, f"{sensor.name}: {channel} [{unit}]")
+        for sensor in trial.sensors
+        for values, channel, unit in zip(sensor.values.T, sensor.channels, sensor.units, strict=True)
+    ]
+    rows = max(len(shown) + (trial.joint_angle is not None), 1)
+    figure = panels(rows, height=60 + 120 * rows, shared_xaxes=True, vertical_spacing=0.3 / rows)
+    for row, (time, values, title) in enumerate(shown, start=1):
+        panel = Panel(figure, row)
+        panel.curve(time, values, "nominal")
+        panel.heading(title)
+    if trial.joint_angle is not None:
+        panel = Panel(figure, rows)
+        for joint, angle in enumerate(trial.joint_angle.T):
+            panel.curve(trial.time, angle, _JOINTS[joint * len(_JOINTS) // trial.joint_angle.shape[1]])
+        panel.heading("joint angles [rad], head to tail from dark to light")
+    return figure.update_xaxes(title_text="time [s]", row=rows)

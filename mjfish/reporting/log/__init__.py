@@ -3,9 +3,9 @@
 The only package that imports rerun.
 """
 
+from mjfish.reporting.log.reading import view
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.results import write_log
 from mjfish.reporting.log.scene import Run, Swim
-from mjfish.reporting.log.viewer import view
 
 __all__ = ["Run", "Swim", "view", "write_log", "write_runs"]

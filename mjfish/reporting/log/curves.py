@@ -16,7 +16,7 @@ from mjfish.diagnosis.curves import MeasuredCurve
 from mjfish.diagnosis.forms import NamedMechanism
 from mjfish.numerics.arrays import FloatArray
 from mjfish.numerics.formats import number, unit
-from mjfish.reporting.stretches import logarithmic, span, stretches
+from mjfish.reporting.curves import logarithmic, span, stretches
 
 #: Width and height of the frame of a curve, and the room around it for labels.
 FRAME = (160.0, 100.0)
@@ -34,10 +34,8 @@ _ASIDE, _MARK = 13.0, 2.0
 def form_tab(mechanisms: Sequence[NamedMechanism]) -> rrb.Vertical | None:
     """Return the views of the curves, a plot each below what is said of the mechanisms; None where there are none."""
     views = [_view(_root(mechanism, curve), curve) for mechanism in mechanisms for curve in mechanism.curves]
-    if not views:
-        return None
     said = rrb.TextDocumentView(origin="/curves/about", name="Mechanisms")
-    return rrb.Vertical(said, rrb.Grid(*views), row_shares=[1, 4], name="Form")
+    return rrb.Vertical(said, rrb.Grid(*views), row_shares=[1, 4], name="Form") if views else None
 
 
 def log_curves(recording: rr.RecordingStream, mechanisms: Sequence[NamedMechanism]) -> None:
@@ -69,8 +67,7 @@ def placed_in_frame(curve: MeasuredCurve, x: FloatArray, y: FloatArray) -> Float
 
 
 def _root(mechanism: NamedMechanism, curve: MeasuredCurve) -> str:
-    parts = (mechanism.name, f"{curve.quantity}-{curve.group}")
-    return "/curves/" + "/".join(rr.escape_entity_path_part(part) for part in parts)
+    return "/curves/" + "/".join(map(rr.escape_entity_path_part, (mechanism.name, f"{curve.quantity}-{curve.group}")))
 
 
 def _view(root: str, curve: MeasuredCurve) -> rrb.Spatial2DView:

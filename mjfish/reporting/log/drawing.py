@@ -4,16 +4,88 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from mjfish.fish import Fish
+from mjfish.fish.outline import section_at
 from mjfish.mujoco.offscreen import Colour, Mesh
 from mjfish.numerics.arrays import FloatArray
-from mjfish.reporting.log.body import link_mesh, link_poses
 from mjfish.reporting.log.scene import Run, Swim, Swimmer
+
+#: Rings of a link along its length, points of a ring, and rings of the round end in front.
+_RINGS = 28
+_AROUND = 32
+_CAP = 6
+
+
+def link_mesh(fish: Fish, index: int) -> Mesh:
+    """Return the surface of one link in its frame, x towards the tail.
+
+    Elliptic rings along the outline. Behind a joint the link begins with a round end half as long as it is wide, so
+    that no wedge opens where the fish bends.
+    """
+    start = sum(link.length for link in fish.links[:index])
+    r = fish.links[index].length * (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _RINGS)))
+    height, width = section_at(fish.sections, start + np.maximum(r, 1e-6))
+    if index > 0:
+        bow = np.linspace(np.pi / 2, 0.0, _CAP, endpoint=False)
+        r = np.concatenate([-0.5 * width[0] * np.sin(bow), r])
+        height, width = (np.concatenate([size[0] * np.cos(bow), size]) for size in (height, width))
+    around = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    a, b = 0.5 * width[:, None], 0.5 * height[:, None]
+    ring = np.stack([np.broadcast_to(r[:, None], (len(r), _AROUND)), a * np.cos(around), b * np.sin(around)], axis=2)
+    vertices = np.concatenate([ring.reshape(-1, 3), [[r[0], 0.0, 0.0], [r[-1], 0.0, 0.0]]])
+    return Mesh(vertices, _triangles(len(r)))
+
+
+def _triangles(rings: int) -> NDArray[np.uint32]:
+    """Return triangles of a tube of rings, closed at both ends by a fan around the last two vertices."""
+    a = np.arange(_AROUND * rings).reshape(rings, _AROUND)
+    b = np.roll(a, -1, axis=1)  # the next vertex of the ring
+    sides = np.stack([a[:-1], b[:-1], a[1:], b[:-1], b[1:], a[1:]], axis=2).reshape(-1, 3)
+    front = np.stack([np.full(_AROUND, a.size), b[0], a[0]], axis=1)
+    back = np.stack([np.full(_AROUND, a.size + 1), a[-1], b[-1]], axis=1)
+    return np.concatenate([sides, front, back]).astype(np.uint32)
+
+
+def normals(mesh: Mesh) -> FloatArray:
+    """Return the mean direction (m, 3), by area, of the triangles at each vertex."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    face = np.cross(b - a, c - a)
+    total = np.zeros_like(mesh.vertices)
+    for corner in mesh.triangles.T:
+        np.add.at(total, corner, face)
+    size = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.where(size > 0.0, size, 1.0))
+
+
+def link_poses(
+    fish: Fish, pose: FloatArray, joint_angle: FloatArray, attitude: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, links, 3) [m] and quaternions x, y, z, w (n, links, 4) of the links' frames in the world.
+
+    Args:
+        fish: the fish.
+        pose: (n, 3) of the nose in the forward frame.
+        joint_angle: (n, joints) [rad].
+        attitude: (n, 3) roll, pitch [rad] and heave [m]; None: in the plane.
+    """
+    bend = np.concatenate([np.full((len(pose), 1), np.pi), joint_angle], axis=1).cumsum(axis=1)
+    axis = np.stack([np.cos(bend), np.sin(bend)], axis=2)  # a link's x axis runs towards the tail
+    length = np.array([link.length for link in fish.links])
+    place = np.zeros((*bend.shape, 3))
+    place[:, 1:, :2] = np.cumsum(length[:-1, None] * axis[:, :-1], axis=1)
+    roll, pitch, heave = np.zeros((3, len(pose))) if attitude is None else attitude.T
+    head = Rotation.from_euler("ZYX", np.column_stack([pose[:, 2], pitch, roll])).as_quat()
+    every = Rotation.from_quat(np.repeat(head, bend.shape[1], axis=0))
+    turn = (every * Rotation.from_euler("Z", bend.reshape(-1, 1))).as_quat().reshape(*bend.shape, 4)
+    return np.column_stack([pose[:, :2], heave])[:, None] + every.apply(place.reshape(-1, 3)).reshape(place.shape), turn
+
 
 #: Red, green, blue, alpha of each swimmer, bodies and curves alike.
 COLOURS: dict[str, Colour] = {
@@ -87,11 +159,15 @@ class Figure:
             s = share.reshape(-1, *([1] * (values.ndim - 1)))
             return np.asarray((1.0 - s) * values[index] + s * values[following])
 
-        return Figure(
-            self.swimmer, self.words, self.ghost, time, between(self.path), self.meshes, between(self.place),
-            _unit(between(_continuous(self.turn))), {k: (between(a), between(b)) for k, (a, b) in self.arrows.items()},
-            self.error,
-        )  # fmt: skip
+        turn = between(_continuous(self.turn))
+        return replace(
+            self,
+            time=time,
+            path=between(self.path),
+            place=between(self.place),
+            turn=turn / np.maximum(np.linalg.norm(turn, axis=2, keepdims=True), 1e-12),
+            arrows={kind: (between(begin), between(reach)) for kind, (begin, reach) in self.arrows.items()},
+        )
 
     def moved(self, turn: float, origin: FloatArray, to: FloatArray) -> Figure:
         """Return the figure turned about the vertical by `turn` [rad], and `origin` (3,) moved to `to` (3,)."""
@@ -100,15 +176,12 @@ class Figure:
         def shifted(points: FloatArray) -> FloatArray:
             return np.asarray(turned.apply((points - origin).reshape(-1, 3)).reshape(points.shape) + to)
 
-        quaternions = (turned * Rotation.from_quat(self.turn.reshape(-1, 4))).as_quat()
+        turns = (turned * Rotation.from_quat(self.turn.reshape(-1, 4))).as_quat().reshape(self.turn.shape)
         arrows = {
             kind: (shifted(begin), turned.apply(reach.reshape(-1, 3)).reshape(reach.shape))
             for kind, (begin, reach) in self.arrows.items()
         }
-        return Figure(
-            self.swimmer, self.words, self.ghost, self.time, shifted(self.path), self.meshes, shifted(self.place),
-            quaternions.reshape(self.turn.shape), arrows, self.error,
-        )  # fmt: skip
+        return replace(self, path=shifted(self.path), place=shifted(self.place), turn=turns, arrows=arrows)
 
     def onto(self, other: Figure, time: float) -> Figure:
         """Return the figure with the nose and the heading of another at a time [s]."""
@@ -169,25 +242,16 @@ def _continuous(turn: FloatArray) -> FloatArray:
     if len(turn) < 2:
         return turn
     flips = np.where(np.einsum("nlk,nlk->nl", turn[1:], turn[:-1]) < 0.0, -1.0, 1.0)
-    sign = np.concatenate([np.ones_like(flips[:1]), np.cumprod(flips, axis=0)])
-    return np.asarray(turn * sign[..., None])
-
-
-def _unit(turn: FloatArray) -> FloatArray:
-    return np.asarray(turn / np.maximum(np.linalg.norm(turn, axis=2, keepdims=True), 1e-12))
+    return np.asarray(turn * np.concatenate([np.ones_like(flips[:1]), np.cumprod(flips, axis=0)])[..., None])
 
 
 def arrow_scale(runs: Sequence[Run]) -> float:
     """Return the length of an arrow of 1 N [m/N], one for all runs, rounded to one digit."""
-    largest, length = [np.zeros(1)], 1.0
-    for run in runs:
-        length = run.fish.length
-        for swim in run.swims:
-            if swim.forces is not None:
-                every = np.stack([getattr(swim.forces, kind) for kind in FORCES])
-                largest.append(np.linalg.norm(every[..., :2], axis=3).max(axis=(0, 2)))
-    typical = float(np.quantile(np.concatenate(largest), 0.75))
-    return float(f"{_REACH * length / typical:.0e}") if typical > 0.0 else 1.0
+    forces = [swim.forces for run in runs for swim in run.swims if swim.forces is not None]
+    every = (np.stack([getattr(own, kind) for kind in FORCES]) for own in forces)
+    largest = [np.linalg.norm(own[..., :2], axis=3).max(axis=(0, 2)) for own in every]
+    typical = float(np.quantile(np.concatenate([np.zeros(1), *largest]), 0.75))
+    return float(f"{_REACH * runs[-1].fish.length / typical:.0e}") if typical > 0.0 else 1.0
 
 
 def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
@@ -206,23 +270,17 @@ def camera_path(figures: Sequence[Figure], time: FloatArray) -> FloatArray:
 
 def reach(figures: Sequence[Figure], path: FloatArray, time: FloatArray) -> float:
     """Return how far from the camera's point (n, 3) at times (n,) any nose or joint is, at most [m]."""
-    points = [figure.at(time) for figure in figures]
-    away = [
-        np.linalg.norm(point - path, axis=1)
-        for figure in points
-        for point in (figure.path, *figure.place.swapaxes(0, 1))
-    ]
-    return float(np.max(away))
+    points = (np.concatenate([own.path[:, None], own.place], axis=1) for own in (f.at(time) for f in figures))
+    return max(float(np.linalg.norm(own - path[:, None], axis=2).max()) for own in points)
 
 
 def beat_paths(figure: Figure, measured: Figure, starts: FloatArray) -> list[FloatArray]:
     """Return the path of a nose in pieces (k, 3) [m], each begun with the measured nose and heading at a start."""
     pieces = []
     for start, end in itertools.pairwise([*starts, np.inf]):
-        own = figure.onto(measured, float(start))
         within = (figure.time >= start - 1e-9) & (figure.time <= end + 1e-9)
         if np.count_nonzero(within) > 1:
-            pieces.append(own.path[within])
+            pieces.append(figure.onto(measured, float(start)).path[within])
     return pieces
 
 

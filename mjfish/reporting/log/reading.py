@@ -1,7 +1,9 @@
-"""Reading a log back: what was drawn in it, to be drawn once more as a picture."""
+"""Opening a log: in the rerun viewer, or read back to be drawn once more as a picture."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any, cast
@@ -9,12 +11,41 @@ from typing import Any, cast
 import numpy as np
 from rerun.chunk import RrdReader
 
-from mjfish.errors import InputError
+from mjfish.errors import InputError, MjfishError
 from mjfish.mujoco.offscreen import Mesh
 from mjfish.numerics.arrays import FloatArray
 from mjfish.reporting.log.drawing import COLOURS, FORCES, Drawing, Figure
 from mjfish.reporting.log.recording import TIMELINE
 from mjfish.reporting.log.scene import Swimmer
+
+
+class ViewerError(MjfishError, RuntimeError):
+    """The viewer could not be run."""
+
+
+#: First bytes of every .rrd file.
+_MAGIC = b"RRF2"
+
+
+def view(path: Path) -> None:
+    """Open `path` in the rerun viewer; return when it is closed.
+
+    Raises:
+        InputError: the file is absent or no rerun log.
+        ViewerError: the viewer could not be run.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; write a log with --rrd FILE.rrd, or by mjfish simulate --out DIR")
+    with path.open("rb") as stream:
+        if stream.read(len(_MAGIC)) != _MAGIC:
+            raise InputError(f"{path}: not a rerun log (.rrd); give the file that --rrd wrote")
+    done = subprocess.run([sys.executable, "-m", "rerun", str(path.resolve())], check=False)  # noqa: S603
+    if done.returncode != 0:
+        raise ViewerError(
+            f"{path}: the rerun viewer ended with code {done.returncode}, expected 0; it needs a display: "
+            "copy the file to a machine that has one and run 'rerun FILE.rrd' there"
+        )
+
 
 #: Pieces of one component of one entity: times [s], none of what stays, and values.
 _Pieces = list[tuple[FloatArray | None, Any]]
@@ -69,11 +100,11 @@ def _figure(found: dict[str, dict[str, _Pieces]], swimmer: Swimmer, world: str) 
     moves = [_over_time(body, "Transform3D:translation") for body in bodies]
     time, place = moves[0][0], np.stack([values[:, 0] for _, values in moves], axis=1)
     turn = np.stack([_over_time(body, "Transform3D:quaternion")[1][:, 0] for body in bodies], axis=1)
-    arrows = {}
-    for kind in FORCES:
-        if (entity := f"{world}/force/{kind}") in found:
-            origins, vectors = (_over_time(found[entity], f"Arrows3D:{name}")[1] for name in ("origins", "vectors"))
-            arrows[kind] = origins, vectors
+    forces = {kind: found[entity] for kind in FORCES if (entity := f"{world}/force/{kind}") in found}
+    arrows = {
+        kind: (_over_time(own, "Arrows3D:origins")[1], _over_time(own, "Arrows3D:vectors")[1])
+        for kind, own in forces.items()
+    }
     error = _static(about, "error")
     return Figure(
         swimmer, _static(about, "words"), _static(about, "ghost"), time, path, meshes, place, turn, arrows,
@@ -93,7 +124,8 @@ def _static(components: dict[str, _Pieces], name: str) -> Any:
 def _over_time(components: dict[str, _Pieces], name: str) -> tuple[FloatArray, FloatArray]:
     """Return times (n,) [s] and values of a component."""
     pieces = [(time, values) for time, values in components[name] if time is not None]
-    time = np.concatenate([piece[0] for piece in pieces])
-    values = np.concatenate([np.array(piece[1], dtype=np.float64) for piece in pieces])
+    time, values = (
+        np.concatenate([np.array(piece, dtype=np.float64) for piece in part]) for part in zip(*pieces, strict=True)
+    )
     order = np.argsort(time, kind="stable")
     return time[order], values[order]

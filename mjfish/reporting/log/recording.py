@@ -20,7 +20,6 @@ from mjfish.errors import InputError
 from mjfish.files.writing import whole
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.numerics.arrays import FloatArray
-from mjfish.reporting.log.body import normals
 from mjfish.reporting.log.curves import form_tab, log_curves
 from mjfish.reporting.log.drawing import (
     COLOURS,
@@ -32,6 +31,7 @@ from mjfish.reporting.log.drawing import (
     camera_path,
     drawn,
     floor_height,
+    normals,
     reach,
 )
 from mjfish.reporting.log.scene import Run
@@ -60,8 +60,8 @@ def blueprint(
 def _tab(run: Run, drawing: Drawing) -> rrb.Horizontal:
     root, far = "/" + rr.escape_entity_path_part(run.name), _far(run, drawing)
     joints = {f"joint_{k + 1}": f"joint {k + 1} [rad]" for k in range(run.fish.joints)}
-    beat = {} if run.phase is None else {"phase": "phase of the beat [-]"}
-    others = [_plots(f"{root}/joints", {**joints, **beat}, "Joints")]
+    joints |= {} if run.phase is None else {"phase": "phase of the beat [-]"}
+    others = [_plots(f"{root}/joints", joints, "Joints")]
     if run.residuals():
         titles = {channel: f"{title} residual [{UNITS[channel]}]" for channel, title in _CHANNELS.items()}
         others.insert(0, _plots(f"{root}/residual", titles, "Residuals"))
@@ -167,9 +167,9 @@ def _record(path: Path, runs: Sequence[Run], name: str, about: str, mechanisms: 
     drawings = [drawn(run, scale, name) for run in runs]
     recording.save(path, default_blueprint=blueprint(runs, drawings, mechanisms))
     recording.send_recording_name(name)
-    has_forces = any(swim.forces is not None for run in runs for swim in run.swims)
-    legend = f"\n\nArrows: 1 N is {scale:g} m." if has_forces else ""
-    recording.log("about", rr.TextDocument(about + legend, media_type=rr.MediaType.MARKDOWN), static=True)
+    if any(swim.forces is not None for run in runs for swim in run.swims):
+        about += f"\n\nArrows: 1 N is {scale:g} m."
+    recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
     for run, drawing in zip(runs, drawings, strict=True):
         root = "/" + rr.escape_entity_path_part(run.name)
         _about(recording, root, drawing)
@@ -202,8 +202,7 @@ def _drive(recording: rr.RecordingStream, root: str, run: Run) -> None:
         if not swim.ghost:
             _series(recording, f"{root}/joints", swim.swimmer, swim.time, swim.joint_angle, names)
     if run.phase is not None:
-        turns = np.mod(run.phase / (2.0 * np.pi), 1.0)[:, None]
-        _series(recording, f"{root}/joints", "beat", time, turns, ["phase"])
+        _series(recording, f"{root}/joints", "beat", time, np.mod(run.phase / (2.0 * np.pi), 1.0)[:, None], ["phase"])
     if run.events:
         times, words = zip(*run.events, strict=True)
         said = rr.TextLog.columns(text=words, level=["INFO"] * len(words))
@@ -226,9 +225,14 @@ def _beats(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing)
 
 def _about(recording: rr.RecordingStream, root: str, drawing: Drawing) -> None:
     """Log what `mjfish.reporting.log.reading` needs beside what is seen: names, the part of the run, errors."""
-    part = {None: "simulated", True: "held_out", False: "fitted"}[drawing.held_out]
-    told = {"run": drawing.name, "source": drawing.source, "part": part}
-    recording.log(root, rr.AnyValues(**told, length=drawing.length, arrow_scale=drawing.scale), static=True)
+    of_run = rr.AnyValues(
+        run=drawing.name,
+        source=drawing.source,
+        part={None: "simulated", True: "held_out", False: "fitted"}[drawing.held_out],
+        length=drawing.length,
+        arrow_scale=drawing.scale,
+    )
+    recording.log(root, of_run, static=True)
     for figure in drawing.figures:
         error = math.nan if figure.error is None else figure.error
         of_figure = rr.AnyValues(words=figure.words, ghost=figure.ghost, error=error)
@@ -241,9 +245,8 @@ def _water(recording: rr.RecordingStream, root: str, run: Run, drawing: Drawing)
     floor = rr.LineStrips3D(floor_lines(drawing), colors=[FLOOR], radii=rr.Radius.ui_points(0.6))
     recording.log(f"{root}/floor", floor, static=True)
     time = run.swims[-1].time
-    at = [rr.TimeColumn(TIMELINE, duration=time)]
     seen = rr.Transform3D.columns(translation=camera_path(drawing.figures, time))
-    recording.send_columns(f"{root}/camera", at, seen)
+    recording.send_columns(f"{root}/camera", [rr.TimeColumn(TIMELINE, duration=time)], seen)
 
 
 def _figure(recording: rr.RecordingStream, root: str, figure: Figure) -> None:
@@ -262,8 +265,8 @@ def _figure(recording: rr.RecordingStream, root: str, figure: Figure) -> None:
     for kind, (origins, vectors) in figure.arrows.items():
         style = rr.Arrows3D.from_fields(colors=[FORCES[kind]], radii=rr.Radius.ui_points(2.5))
         arrows = rr.Arrows3D.columns(origins=origins.reshape(-1, 3), vectors=vectors.reshape(-1, 3))
-        parts = arrows.partition([origins.shape[1]] * len(origins))
-        _columns(recording, f"{root}/force/{kind}", style, figure.time, parts)
+        at_times = arrows.partition([origins.shape[1]] * len(origins))
+        _columns(recording, f"{root}/force/{kind}", style, figure.time, at_times)
 
 
 def _series(

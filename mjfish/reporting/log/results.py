@@ -1,9 +1,10 @@
-"""Which runs a result puts into a log: of a diagnosis, an identification, a simulation."""
+"""Which runs a result puts into a log, and what happens in them: of a diagnosis, an identification, a simulation."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,71 @@ from mjfish.numerics.formats import number, percent
 from mjfish.ode.forces import LinkForces, link_forces
 from mjfish.ode.rollout import STEP
 from mjfish.reporting.log.drawing import Drawing, arrow_scale, drawn
-from mjfish.reporting.log.events import events_of
 from mjfish.reporting.log.recording import write_runs
 from mjfish.reporting.log.scene import Run, Swim, Swimmer, placed, travelled
 from mjfish.reporting.titles import VERDICTS
 from mjfish.simulation import Simulation
+
+#: A step between samples longer than this many is a gap.
+_GAP = 1.5
+#: A joint is off its command by more than this share of the largest command.
+_OFF = 0.2
+
+
+#: Time [s] and words.
+Event = tuple[float, str]
+
+
+def events_of(trial: Trial, held_out: bool, swims: Sequence[Swim]) -> tuple[Event, ...]:
+    """Return the events of a trial, in the order of their times.
+
+    Args:
+        trial: what was measured.
+        held_out: whether nothing was fitted to it.
+        swims: measured, then simulated; the joints of a `ghost` are those of the command.
+    """
+    part = "held-out run: nothing was fitted to it" if held_out else "fitted run"
+    start = float(trial.time[0]), f"start of a {part}{', from rest' if trial.starts_at_rest else ''}"
+    others = (*_drive(trial), *_gaps(trial), *_short(swims), *_ends(swims))
+    return tuple(sorted((start, *others), key=lambda event: event[0]))
+
+
+def _drive(trial: Trial) -> Iterator[Event]:
+    for before, after in zip(trial.drive, trial.drive[1:], strict=False):
+        changes = []
+        if after.omega != before.omega:
+            hertz = " to ".join(f"{segment.omega / (2.0 * math.pi):.3g}" for segment in (before, after))
+            changes.append(f"the beat goes from {hertz} Hz")
+        if after.bias != before.bias:
+            changes.append("a turn begins" if any(after.bias) else "the turn ends")
+        if changes:
+            yield after.start, f"the drive changes: {' and '.join(changes)}"
+
+
+def _gaps(trial: Trial) -> Iterator[Event]:
+    steps = np.diff(trial.time)
+    for k in np.flatnonzero(steps > _GAP * trial.step):
+        yield float(trial.time[k]), f"no samples for {steps[k]:.2g} s"
+
+
+def _short(swims: Sequence[Swim]) -> Iterator[Event]:
+    """Yield, for each joint of each simulated fish, when it is first far off its command."""
+    first, *others = swims
+    for swim in others if first.ghost else ():
+        asked = first.joint_angle[: len(swim.time)]
+        limit = _OFF * float(np.abs(asked).max(initial=0.0))
+        for joint, off in enumerate(np.abs(swim.joint_angle - asked).T, start=1):
+            if limit > 0.0 and np.any(off > limit):
+                k = int(np.argmax(off > limit))
+                words = f"joint {joint} is {off[k]:.2g} rad off its command, for the first time"
+                yield float(swim.time[k]), f"{swim.words or swim.swimmer}: {words}"
+
+
+def _ends(swims: Sequence[Swim]) -> Iterator[Event]:
+    last = max(float(swim.time[-1]) for swim in swims)
+    for swim in swims:
+        if swim.time[-1] < last - 1e-9:
+            yield float(swim.time[-1]), f"{swim.words or swim.swimmer}: the simulation diverges"
 
 
 @functools.singledispatch
@@ -52,11 +113,11 @@ def _(result: Diagnosis, path: Path) -> None:
     if result.gain is not None:
         before, after = (percent(table["pooled"]) for table in (result.gain.nominal, result.gain.extended))
         lines.append(f"Error on held-out trials: {before} of range{f' before, {after} after' if result.best else ''}.")
-    lines.append(
+    lines += [
         "Measured grey, nominal model orange, extended model teal. "
-        "Forces of the water: drag red, added mass blue, what an effect adds yellow."
-    )
-    lines.append(drift(runs))
+        "Forces of the water: drag red, added mass blue, what an effect adds yellow.",
+        drift(runs),
+    ]
     write_runs(path, runs, name=result.dataset.name, about="\n\n".join(lines), mechanisms=result.mechanisms)
 
 
@@ -81,8 +142,7 @@ def _run(diagnosis: Diagnosis, overlay: Overlay) -> Run:
     if diagnosis.best:  # then the arrows are drawn on the extended model alone
         values = {name: estimate.estimate for name, estimate in diagnosis.extended.items()}
         extended = simulated("extended", diagnosis.extended_model, values, trial, overlay.extended)
-        words = f"with {' and '.join(diagnosis.best)}"
-        swims = [replace(swims[0], forces=None), replace(extended, words=words)]
+        swims = [replace(swims[0], forces=None), replace(extended, words=f"with {' and '.join(diagnosis.best)}")]
     return _compared(trial, diagnosis.nominal_model.fish, swims, overlay.held_out)
 
 
@@ -98,14 +158,23 @@ def _compared(trial: Trial, fish: Fish, simulated: Sequence[Swim], held_out: boo
         pose = travelled(trial.time, trial.velocity, _start(trial))
     measured = Swim("measured", trial.time, trial.velocity, pose, angle, ghost=not trial.joints_measured)
     swims = (measured, *simulated)
-    phase, events = beat_phase(fish.cpg, trial), events_of(trial, held_out, swims)
-    command = None if trial.joints_measured else asked
-    return Run(trial.name, fish, swims, held_out, command=command, phase=phase, events=events)
+    return Run(
+        trial.name,
+        fish,
+        swims,
+        held_out,
+        command=None if trial.joints_measured else asked,
+        phase=beat_phase(fish.cpg, trial),
+        events=events_of(trial, held_out, swims),
+    )
 
 
 def drift(runs: Sequence[Run]) -> str:
     """Return in words how far apart the paths of each run end: they add up what the velocities err."""
-    lines = ["Paths add up the errors of the velocities; the thin ones begin anew on the measured path at every beat."]
+    lines = [
+        "Paths add up the errors of the velocities; the thin ones begin anew on the measured path at every beat.",
+        "",
+    ]
     for run in runs:
         ends = {swim.swimmer: swim.pose[-1, :2] for swim in run.swims if swim.time[-1] == run.swims[0].time[-1]}
         others = [
@@ -115,7 +184,7 @@ def drift(runs: Sequence[Run]) -> str:
         ]
         if others:
             lines.append(f"- {run.name}: at the end {' and '.join(others)} from the measured nose.")
-    return "\n".join([lines[0], "", *lines[1:]])
+    return "\n".join(lines)
 
 
 def _start(trial: Trial) -> FloatArray:
@@ -146,8 +215,8 @@ def simulated(swimmer: Swimmer, model: Model, values: Mapping[str, float], trial
     pose = travelled(trial.time[reached], velocity[reached], _start(trial))
     angle = rollout.motion.angle_at(time[reached])
     angle[:, -1] += state[reached, 6]
-    shown = _forces(run, rollout.motion, rollout.at_steps(), time[reached], pose)
-    return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, shown)
+    forces = _forces(run, rollout.motion, rollout.at_steps(), time[reached], pose)
+    return Swim(swimmer, trial.time[reached], velocity[reached], pose, angle, forces)
 
 
 @write_log.register
@@ -162,17 +231,16 @@ def drawn_simulation(result: Simulation) -> Drawing:
 
 
 def _simulated_run(result: Simulation) -> Run:
+    run = result.prepared
     forces = None
     if result.attitude is None and len(result.states) > 1:
-        time = result.prepared.time[: len(result.time)]
-        forces = _forces(result.prepared, result.motion, result.states, time, result.pose)
+        forces = _forces(run, result.motion, result.states, run.time[: len(result.time)], result.pose)
     swim = Swim("simulated", result.time, result.velocity, result.pose, result.joint_angle, forces, result.attitude)
-    motion = result.prepared.motion
-    command = motion.angle_at(np.minimum(result.time, motion.time[-1]))
+    command = run.motion.angle_at(np.minimum(result.time, run.motion.time[-1]))
     events = [(float(result.time[0]), "start")]
     if result.status != "ok":
         events.append((float(result.time[-1]), f"{result.status}: {result.message}"))
-    return Run(result.drive, result.prepared.fish, (swim,), band=result.band, command=command, events=tuple(events))
+    return Run(result.drive, run.fish, (swim,), band=result.band, command=command, events=tuple(events))
 
 
 def _forces(run: Prepared, motion: JointMotion, states: FloatArray, time: FloatArray, pose: FloatArray) -> LinkForces:

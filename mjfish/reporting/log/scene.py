@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from mjfish.fish import Fish, frames
 from mjfish.numerics.arrays import FloatArray
 from mjfish.ode.forces import LinkForces
-from mjfish.simulation.band import Band
+from mjfish.simulation.run import Band
 
 #: Who swims: the recorded fish, the nominal and the extended model of a diagnosis, or a simulation on its own.
 Swimmer = Literal["measured", "nominal", "extended", "simulated"]
