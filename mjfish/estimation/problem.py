@@ -640,8 +640,8 @@ def velocity_residual(trial: Trial, predicted: FloatArray) -> FloatArray:
 def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parameter, ...]:
     """Return what must be fitted in this trial alone.
 
-    Start velocity where it is free, clock offsets where they are free, frequency and phase of a wave with a clock of its
-    own, the modes of its clock's walk, and what sensors see of the pose at the start.
+    Start velocity and clock offsets where they are free, frequency and phase of a wave with a clock of its own, the
+    modes of its clock's walk, and what sensors see of the pose at the start.
     """
     declared = []
     if trial.free_start:
