@@ -295,9 +295,7 @@ def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:
 
 def test_noise_that_is_not_white_raises_no_alarm(pike: Fish) -> None:
     """A slow drift of the camera's velocity estimate is noise, though the dataset states it as white."""
-    dataset = generate(
-        pike, ["v1", "v3", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1, duration=7.0
-    )
+    dataset = generate(pike, ["v1", "v3", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1, duration=7.0)
     rng = np.random.default_rng(11)
     sigma = np.array([0.01, 0.01, 0.05])
 

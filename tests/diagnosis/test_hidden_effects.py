@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -121,6 +122,13 @@ def test_nothing_wrong_is_found_where_nothing_is_hidden() -> None:
     assert result.gain is not None
     assert result.gain.extended == result.gain.nominal
     assert "coefficients hide" in result.undetectable["mass_error"]
+    raw = json.loads(json.dumps(result.to_dict()))["isolability"]
+    assert {"clock", "camera_scale", "servo_dynamics"} <= set(raw["mechanisms"])
+    assert raw["units"] == list(result.isolability.units)
+    told = np.isfinite(result.isolability.sizes)
+    assert [[size is not None for size in row] for row in raw["sizes"]] == told.tolist()
+    sizes = np.array(raw["sizes"], dtype=float)
+    np.testing.assert_allclose(sizes[told], np.array(result.isolability.sizes)[told])
 
 
 @pytest.mark.slow

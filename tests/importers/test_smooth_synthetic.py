@@ -187,7 +187,10 @@ def test_a_long_film_is_smoothed_in_pieces(tmp_path: Path, monkeypatch: pytest.M
         pixel[337:, [4, 6]] = pixel[337:, [5, 7]] + 1.0
 
     swim = replace(ABOVE, seconds=8.25)
-    files = [swim.write(tmp_path / "markers_long.csv", spoil), replace(ABOVE, seconds=5.0).write(tmp_path / "markers_short.csv")]
+    files = [
+        swim.write(tmp_path / "markers_long.csv", spoil),
+        replace(ABOVE, seconds=5.0).write(tmp_path / "markers_short.csv"),
+    ]
     dataset, report = importers.import_files("fishsim", files, held_out=["long"])
     assert [(trial.name, trial.role) for trial in dataset.trials] == [
         ("long-a", "held_out"), ("long-b", "held_out"), ("short-a", "fit"), ("short-b", "fit"),
