@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from diagnosed import diagnosis
+from diagnosed import diagnosis, page
 from hidden_cases import draw
 
 import mjfish
@@ -17,7 +17,6 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray
-from mjfish.reporting.html.diagnosis import render_diagnosis
 
 SCALE, POINT, REACTIVE = (find(name) for name in ("velocity_scale", "marker_offset", "reactive_force"))
 AXIAL = find("axial_momentum")
@@ -109,7 +108,7 @@ def test_in_json_a_size_that_is_not_told_is_null() -> None:
 
 
 def test_the_report_has_the_ratios_and_how_much_is_hidden() -> None:
-    html = render_diagnosis(diagnosis())
+    html = page()
     table = html[html.index('<table class="isolability">') :]
     table = table[: table.index("</table>")]
     cells = re.findall(r'--hidden:(\d+)%" title="([^"]*)">([^<]*)<', table)
