@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -36,6 +37,7 @@ from mjfish.fish import Fish, load_fish
 from mjfish.inspection import Inspection
 from mjfish.model import Model
 from mjfish.model.posterior import Posterior
+from mjfish.reporting.html.diagnosis import render_diagnosis
 
 CAUSE = "servo_lag"
 #: A clock that only large servo delays are told from, walls that nothing shows.
@@ -144,6 +146,12 @@ def diagnosis(
         effects=catalogue(),
         provenance={"versions": {"mjfish": "0.1.0"}, "commit": None, "seed": 7, "inputs": {"slow.csv": "ab12"}},
     )
+
+
+@functools.cache
+def page(verdict: Verdict = "named", *, held_out: bool = True) -> str:
+    """Return the report of the diagnosis with this verdict, rendered once: drawing it takes half a second."""
+    return render_diagnosis(diagnosis(verdict, held_out=held_out))
 
 
 def splits() -> Splits:

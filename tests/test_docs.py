@@ -126,8 +126,8 @@ def test_a_newcomer_comes_from_own_csv_files_to_a_verdict(tmp_path: Path) -> Non
     ("left_out", "added", "code"),
     [
         ("--set axes=y_down", "", "poses-mirrored"),
-        ("", "--set turn_to=port", "poses-mirrored"),
-        ("", "--set yaw_zero=90", "poses-heading-zero"),
+        pytest.param("", "--set turn_to=port", "poses-mirrored", marks=pytest.mark.slow),
+        pytest.param("", "--set yaw_zero=90", "poses-heading-zero", marks=pytest.mark.slow),
         ("", "--length-unit m", "poses-unit"),
     ],
 )

@@ -191,6 +191,7 @@ def _written(method: str, path: Any) -> None:
         getattr(result, method)(path)
 
 
+@functools.cache
 def _loaded() -> mjfish.Dataset:
     return mjfish.load_dataset("pool")
 
@@ -412,7 +413,7 @@ def test_a_diagnosis_has_the_effects_of_a_file_beside_the_shipped_ones(monkeypat
     assert {"tether", "servo_lag"} <= set(seen)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.text(max_size=40) | st.from_regex(r"[a-z_.*]{1,8}[=:][-0-9a-z.,:=\[\]{}]{0,12}", fullmatch=True))
 def test_any_text_of_an_option_is_read_or_refused(text: str) -> None:
     for read in (

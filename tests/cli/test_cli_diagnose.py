@@ -13,6 +13,7 @@ from diagnosed import diagnosis
 
 import mjfish
 from mjfish.data import read_table
+from mjfish.diagnosis import Diagnosis
 from mjfish.effects import find
 from mjfish.fish import Fish
 from mjfish.model import Model, extended
@@ -82,6 +83,8 @@ def test_a_folder_gets_an_extended_fish_only_where_the_model_was_extended(
     cases = {"nothing": nothing, "alone": alone, "named": diagnosis("named"), "closest": diagnosis("unexplained")}
     now = [nothing]
     monkeypatch.setattr(mjfish, "diagnose", lambda dataset, **rest: now[0])
+    for other in ("report", "log"):  # other files of the folder
+        monkeypatch.setattr(Diagnosis, other, lambda _self, path: Path(path).write_bytes(b""))
     run("generate --modes v1,v3 --duration 2 --out a")
     said = {}
     for name, now[0] in cases.items():

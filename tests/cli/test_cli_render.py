@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,12 +25,20 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(film._RATES, ".gif", 2.0)
 
 
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a diagnosis, written once."""
+    path = tmp_path_factory.mktemp("log") / "fish.rrd"
+    diagnosis().log(path)
+    return path
+
+
 @pytest.fixture
-def found(tmp_path: Path) -> Path:
+def found(tmp_path: Path, log: Path) -> Path:
     """A folder such as `mjfish diagnose --out` writes."""
     folder = tmp_path / "found"
     folder.mkdir()
-    diagnosis().log(folder / "fish.rrd")
+    shutil.copy(log, folder)
     return folder
 
 

@@ -84,7 +84,8 @@ def test_the_shell_can_complete(run: Run) -> None:
 @pytest.mark.parametrize(("variables", "coloured"), [({}, True), ({"NO_COLOR": "1"}, False)])
 def test_no_color_takes_the_colours_off_a_terminal(variables: dict[str, str], coloured: bool) -> None:
     """https://no-color.org. Catches a style that is written past the console."""
-    said = _on_a_terminal([sys.executable, "-c", "from mjfish.cli import main; main()", "inspect", "absent"], variables)
+    command = [sys.executable, "-c", "from mjfish.cli import main; main()", "fish", "show", "absent"]
+    said = _on_a_terminal(command, variables)
     assert "absent" in said
     assert bool(re.search(r"\x1b\[[0-9;]*\b(3[0-8]|9[0-7])[0-9;]*m", said)) == coloured
 

@@ -85,7 +85,7 @@ def datasets(draw: st.DrawFn) -> Dataset:
 
 
 @given(dataset=datasets(), suffix=st.sampled_from([".csv", ".parquet"]))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 def test_loading_what_was_saved_gives_back_every_bit(
     dataset: Dataset, suffix: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

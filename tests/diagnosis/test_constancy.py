@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from diagnosed import row
 from scipy import stats
 
 from mjfish.data import Sensor, Trial
-from mjfish.diagnosis.evidence import gather, whitened_omnibus
+from mjfish.diagnosis.evidence import Evidence, gather, whitened_omnibus
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import converged_formula, refit_with
 from mjfish.diagnosis.refit_result import Refit
@@ -20,7 +21,7 @@ from mjfish.diagnosis.thresholds import THRESHOLDS
 from mjfish.effects import Effect, find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.estimation.omnibus import HATS
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.numerics.arrays import orthonormal, project_out
 from mjfish.simulation.synthetic import generate
@@ -29,37 +30,36 @@ NOISE = np.array([0.004, 0.004, 0.03])
 MODES = ["v1", "v5", "v7", "v3-t1"]
 
 
-def _runs(
-    pike: Fish, offsets: list[float], seed: int = 6, sensors: tuple[Sensor, ...] = (), late: float = 0.0
-) -> tuple[Trial, ...]:
+@functools.cache
+def _swum(values: tuple[tuple[str, float], ...], sensors: tuple[Sensor, ...] = ()) -> tuple[Trial, ...]:
+    """Return runs of all modes with these values, made once."""
+    effects = [find(name) for name in ("joint_zero_offset", "time_offset")]
+    given = dict(values)
+    return generate(
+        load_fish("pike"), MODES, values=given, effects=effects, noise=NOISE, duration=6.0, seed=6, sensors=sensors
+    ).trials
+
+
+def _runs(offsets: list[float], sensors: tuple[Sensor, ...] = (), late: float = 0.0) -> tuple[Trial, ...]:
     """Return runs whose second joint is off, by an angle [rad] of each run; the clock of the last is late [s]."""
     found = []
     for i, offset in enumerate(offsets):
-        values = {"joint_zero_offset.joint_2": offset, "time_offset.offset": late * (i == len(offsets) - 1)}
-        pool = generate(
-            pike, MODES, values=values, effects=[find("joint_zero_offset"), find("time_offset")], noise=NOISE,
-            duration=6.0, seed=seed, sensors=sensors,
-        )  # fmt: skip
-        found.append(pool.trials[i])
+        delay = late * (i == len(offsets) - 1)
+        found.append(_swum((("joint_zero_offset.joint_2", offset), ("time_offset.offset", delay)), sensors)[i])
     return tuple(found)
 
 
-def _turbid(pike: Fish, factors: list[float], seed: int = 6) -> tuple[Trial, ...]:
+def _turbid(factors: list[float]) -> tuple[Trial, ...]:
     """Return runs whose second joint is off alike, in water in which the tail drags so many times more."""
-    values = {"joint_zero_offset.joint_2": 0.01}
-    drag = next(p.default for p in pike.parameters if p.name == "c_d.tail")
-    found = []
-    for i, factor in enumerate(factors):
-        pool = generate(
-            pike, MODES, values={**values, "c_d.tail": factor * drag}, effects=[find("joint_zero_offset")], noise=NOISE,
-            duration=6.0, seed=seed,
-        )  # fmt: skip
-        found.append(pool.trials[i])
-    return tuple(found)
+    drag = load_fish("pike").values["c_d.tail"]
+    values = [(("joint_zero_offset.joint_2", 0.01), ("c_d.tail", factor * drag)) for factor in factors]
+    return tuple(_swum(one)[i] for i, one in enumerate(values))
 
 
-def _refit(pike: Fish, trials: tuple[Trial, ...]) -> Refit:
-    return _refitted(Problem(Model(pike), trials, Noise.white(NOISE)), find("joint_zero_offset"))
+@functools.cache
+def _refit(trials: tuple[Trial, ...]) -> Refit:
+    """Refit an angle of the second joint, once for the same runs."""
+    return _refitted(Problem(Model(load_fish("pike")), trials, Noise.white(NOISE)), find("joint_zero_offset"))
 
 
 def _refitted(problem: Problem, cause: Effect) -> Refit:
@@ -72,61 +72,67 @@ def _sizes(refit: Refit, held_out: tuple[Trial, ...] = ()) -> tuple[float, int]:
     return sizes_by_run(refit, every).statistic(every.cleared)
 
 
+@functools.cache
+def _nominal(refit: Refit) -> Evidence:
+    """Return the nominal fit to the runs of a refit, made once."""
+    nominal = replace(refit.problem, model=replace(refit.problem.model, effects=()))
+    return gather(nominal, fit(nominal), [])
+
+
 def _goodness(refit: Refit, held_out: tuple[Trial, ...] = ()) -> Goodness:
     """Return what tests a refit by the score of a clock, in the runs that were fitted and in others."""
-    nominal = replace(refit.problem, model=replace(refit.problem.model, effects=()))
-    return Goodness([find("time_offset")], HeldOut(gather(nominal, fit(nominal), []), held_out))
+    return Goodness([find("time_offset")], HeldOut(_nominal(refit), held_out))
 
 
-def test_one_size_in_all_runs_passes(pike: Fish) -> None:
-    trials = _runs(pike, [0.03] * 4)
-    statistic, rank = _sizes(_refit(pike, trials))
+def test_one_size_in_all_runs_passes() -> None:
+    trials = _runs([0.03] * 4)
+    statistic, rank = _sizes(_refit(trials))
     assert rank == 12  # of the cause, and of added mass, drag and friction
     assert stats.chi2.sf(statistic, rank) > 1e-3
-    statistic, rank = _sizes(_refit(pike, trials[:3]), trials[3:])
+    statistic, rank = _sizes(_refit(trials[:3]), trials[3:])
     assert rank == 12  # of the cause, and of added mass, drag and friction
     assert stats.chi2.sf(statistic, rank) > 1e-3
 
 
-def test_a_size_by_run_does_not(pike: Fish) -> None:
-    trials = _runs(pike, [0.02, 0.03, 0.05, 0.03])
-    statistic, rank = _sizes(_refit(pike, trials))
+def test_a_size_by_run_does_not() -> None:
+    trials = _runs([0.02, 0.03, 0.05, 0.03])
+    statistic, rank = _sizes(_refit(trials))
     assert rank == 12  # of the cause, and of added mass, drag and friction
     assert stats.chi2.sf(statistic, rank) < 1e-6
 
 
-def test_a_held_out_run_of_another_size_is_seen(pike: Fish) -> None:
-    trials = _runs(pike, [0.03, 0.03, 0.03, 0.06])
-    refit = _refit(pike, trials[:3])
+def test_a_held_out_run_of_another_size_is_seen() -> None:
+    trials = _runs([0.03, 0.03, 0.03, 0.06])
+    refit = _refit(trials[:3])
     assert stats.chi2.sf(*_sizes(refit)) > 1e-3
     assert stats.chi2.sf(*_sizes(refit, trials[3:])) < 1e-6
 
 
 @pytest.mark.slow
-def test_what_sensors_see_of_a_size_by_run_counts(pike: Fish) -> None:
+def test_what_sensors_see_of_a_size_by_run_counts() -> None:
     """Those of a fitted run; of a held-out one the velocities alone do."""
     time = np.arange(0.0, 6.0, 0.02)
     gyro = Sensor("gyro", "gyro", time, np.zeros((len(time), 1)), sigma=np.array([0.006]))
-    trials = _runs(pike, [0.03, 0.03, 0.0308, 0.03], sensors=(gyro,))
+    trials = _runs([0.03, 0.03, 0.0308, 0.03], sensors=(gyro,))
     blind = tuple(replace(trial, sensors=()) for trial in trials)
-    assert stats.chi2.sf(*_sizes(_refit(pike, blind))) > 1e-2
-    assert stats.chi2.sf(*_sizes(_refit(pike, trials))) < 1e-6
-    refit = _refit(pike, trials[:3])
+    assert stats.chi2.sf(*_sizes(_refit(blind))) > 1e-2
+    assert stats.chi2.sf(*_sizes(_refit(trials))) < 1e-6
+    refit = _refit(trials[:3])
     assert _sizes(refit, trials[3:]) == _sizes(refit, blind[3:])
 
 
-def test_a_held_out_run_with_larger_noise_is_no_misfit(pike: Fish) -> None:
-    trials = _runs(pike, [0.03] * 4)
+def test_a_held_out_run_with_larger_noise_is_no_misfit() -> None:
+    trials = _runs([0.03] * 4)
     noise = np.random.default_rng(1).standard_normal(trials[3].velocity.shape)
     noisy = replace(trials[3], velocity=trials[3].velocity + 2.0 * NOISE * noise)
-    refit = _refit(pike, trials[:3])
+    refit = _refit(trials[:3])
     assert stats.chi2.sf(*of_all_runs(refit, (noisy,)).omnibus) < 1e-6
     assert _goodness(refit, (noisy,)).of(refit, Row.of(refit.names, refit)).clean()
 
 
 def test_what_belongs_to_a_held_out_run_alone_is_no_misfit(pike: Fish) -> None:
     """Catches a held-out run that is linearised at the start values of its clock and of its walk."""
-    late = _runs(pike, [0.03] * 4, late=0.004)
+    late = _runs([0.03] * 4, late=0.004)
     drag, names = find("linear_drag"), ["clock_wander", "linear_drag"]
     values = {"clock_wander.size": 0.006, "linear_drag.across": 40.0}
     walking = generate(
@@ -139,11 +145,11 @@ def test_what_belongs_to_a_held_out_run_alone_is_no_misfit(pike: Fish) -> None:
         assert row.clean(), row.tests
 
 
-def test_coefficients_that_differ_by_run_are_seen_in_held_out_runs_too(pike: Fish) -> None:
+def test_coefficients_that_differ_by_run_are_seen_in_held_out_runs_too() -> None:
     """No other test sees them as well: the cause has the same size in all runs, and the last run was not fitted."""
     for last, steady in ((1.0, True), (1.006, False)):
-        trials = _turbid(pike, [1.0, 1.0, 1.0, last])
-        refit = _refit(pike, trials[:3])
+        trials = _turbid([1.0, 1.0, 1.0, last])
+        refit = _refit(trials[:3])
         plain = Row.of(refit.names, refit, 0.0, 1.0)
         row = _goodness(refit, trials[3:]).of(refit, plain)
         assert (row.tests["sizes by run"] >= THRESHOLDS.goodness) is steady
@@ -152,30 +158,26 @@ def test_coefficients_that_differ_by_run_are_seen_in_held_out_runs_too(pike: Fis
         assert _goodness(refit).of(refit, plain).clean()
 
 
-def test_what_is_left_is_looked_for_in_held_out_runs_too(pike: Fish) -> None:
+def test_what_is_left_is_looked_for_in_held_out_runs_too() -> None:
     """A clock that is late in the last run alone, which was not fitted: a little, or so that nothing predicts it."""
     for delay, steady in ((0.0, True), (0.0003, False), (0.004, False)):
-        trials = _runs(pike, [0.03] * 4, late=delay)
-        refit = _refit(pike, trials[:3])
+        trials = _runs([0.03] * 4, late=delay)
+        refit = _refit(trials[:3])
         row = _goodness(refit, trials[3:]).of(refit, Row.of(refit.names, refit))
         assert (row.tests["waves"] >= THRESHOLDS.goodness) is steady
         assert (row.excess > 100.0) is not steady
         if delay < 0.001:
-            assert row.beyond == pytest.approx(_fitted_to_all(pike, trials) - refit.gain, rel=0.05)
+            assert row.beyond == pytest.approx(_refit(trials).gain - refit.gain, rel=0.05)
 
 
-def _fitted_to_all(pike: Fish, trials: tuple[Trial, ...]) -> float:
-    return _refit(pike, trials).gain
-
-
-def test_outliers_of_the_noise_are_no_change_of_coefficients(pike: Fish) -> None:
-    trials = _turbid(pike, [1.0] * 4)
+def test_outliers_of_the_noise_are_no_change_of_coefficients() -> None:
+    trials = _turbid([1.0] * 4)
     rng = np.random.default_rng(2)
     spoiled = [replace(t, velocity=t.velocity.copy()) for t in trials]
     for trial in spoiled:
         rows = rng.choice(len(trial.time), 3, replace=False)
         trial.velocity[rows] += 30.0 * NOISE * rng.standard_normal((3, 3))
-    refit = _refit(pike, tuple(spoiled))
+    refit = _refit(tuple(spoiled))
     row = _goodness(refit).of(refit, Row.of(refit.names, refit, 0.0, 1.0))
     assert row.tests["sizes by run"] >= THRESHOLDS.goodness
     assert row.clean()

@@ -176,15 +176,13 @@ class Twin(type(find("time_offset"))):  # type: ignore[misc]
 
 
 def test_causes_that_the_data_cannot_tell_apart_are_rivals(named: Diagnosis) -> None:
-    result = diagnose(named.dataset, effects={**QUICK, "twin": Twin()}, jobs=1)
+    """Of data whose noise is not stated: it is estimated, and the cause is found all the same."""
+    assert named.dataset.noise is not None
+    result = diagnose(replace(named.dataset, noise=None), effects={**QUICK, "twin": Twin()}, jobs=1)
+    assert any("noise: estimated" in remark for remark in result.remarks)
     assert result.verdict == "cannot_tell"
     assert set(result.rivals[0]) == {"twin", "time_offset"}
     assert result.causes == ()
-
-
-def test_the_same_seed_gives_the_same_answer_for_any_number_of_jobs(named: Diagnosis) -> None:
-    again = diagnose(named.dataset, effects=QUICK, jobs=2, seed=3)
-    assert json.dumps(again.to_dict()) == json.dumps(named.to_dict())
 
 
 def test_the_json_keeps_its_contract(named: Diagnosis, tmp_path: Path) -> None:
@@ -291,16 +289,9 @@ def test_provenance_knows_the_fish_and_the_causes_of_ones_own(named: Diagnosis) 
     assert provenance(heavier, (), 0)["fish"] != saved["fish"]
 
 
-def test_noise_is_estimated_where_none_is_stated(named: Diagnosis) -> None:
-    assert named.dataset.noise is not None
-    result = diagnose(replace(named.dataset, noise=None), effects=QUICK, jobs=1)
-    assert [cause.name for cause in result.causes] == ["time_offset"]
-    assert any("noise: estimated" in remark for remark in result.remarks)
-
-
 def test_noise_that_is_not_white_raises_no_alarm(pike: Fish) -> None:
     """A slow drift of the camera's velocity estimate is noise, though the dataset states it as white."""
-    dataset = generate(pike, ["v1", "v3", "v5", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1)
+    dataset = generate(pike, ["v1", "v3", "v1-v5"], values=coefficients(np.random.default_rng(2)), seed=1, duration=7.0)
     rng = np.random.default_rng(11)
     sigma = np.array([0.01, 0.01, 0.05])
 
@@ -340,7 +331,7 @@ def test_no_candidate_left_is_refused(named: Diagnosis) -> None:
 def test_data_without_noise_are_judged_by_the_effect_not_by_rounding(pike: Fish, effect: str | None) -> None:
     hidden = [] if effect is None else [find(effect)]
     truth = coefficients(np.random.default_rng(3)) | ({} if effect is None else {"munk_moment.kappa": 0.5})
-    dataset = generate(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=7.0, held_out=["v3"])
+    dataset = generate(pike, ["v1", "v3", "v1-t2"], values=truth, effects=hidden, duration=5.6, held_out=["v3"])
     result = diagnose(dataset, effects={**QUICK, "munk_moment": find("munk_moment")}, jobs=1)
     if effect is None:
         assert result.verdict == "nothing_wrong", result.message

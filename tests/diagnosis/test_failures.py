@@ -123,6 +123,7 @@ SOLVERS = {
     "raises": (_singular, "SVD did not converge"),
     "stops": (_at_once, "stop"),
 }
+RAISES_OR_STOPS = ("raises", pytest.param("stops", marks=pytest.mark.slow))
 
 
 @pytest.mark.slow
@@ -158,7 +159,7 @@ def test_a_rival_whose_refit_fails_keeps_the_cause_from_being_named(monkeypatch:
 
 
 @pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
-@pytest.mark.parametrize("how", SOLVERS)
+@pytest.mark.parametrize("how", RAISES_OR_STOPS)
 def test_where_every_fit_fails_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, how: str, hidden: bool) -> None:
     ends, reason = SOLVERS[how]
     _minimiser(monkeypatch, None, ends)
@@ -172,6 +173,7 @@ def _assert_compared(result: Diagnosis, name: str) -> None:
     assert name not in result.failures
 
 
+@pytest.mark.slow
 def test_a_residual_that_is_no_number_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Problem.residual
 
@@ -184,6 +186,7 @@ def test_a_residual_that_is_no_number_is_a_failure(monkeypatch: pytest.MonkeyPat
     _assert_compared(result, HIDDEN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["velocity_scale", None])
 def test_a_rollout_that_diverges_is_a_failure(monkeypatch: pytest.MonkeyPatch, name: str | None) -> None:
     honest = Model.predict
@@ -202,6 +205,7 @@ def test_a_rollout_that_diverges_is_a_failure(monkeypatch: pytest.MonkeyPatch, n
         _assert_compared(result, HIDDEN)
 
 
+@pytest.mark.slow
 def test_a_candidate_that_takes_longer_than_it_may_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock that goes on by an hour at every residual of one candidate, and stands still else."""
     now, honest = [0.0], Problem.residual
@@ -232,7 +236,7 @@ def test_where_a_pair_fails_its_members_go_on(monkeypatch: pytest.MonkeyPatch) -
         assert alone.names == ("velocity_scale",)
 
 
-@pytest.mark.parametrize("stage", ["converged_formula", "lowest"])
+@pytest.mark.parametrize("stage", [pytest.param("converged_formula", marks=pytest.mark.slow), "lowest"])
 def test_a_leader_that_fails_where_it_is_followed_stays_a_row(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
     """Catches a set that failed late and is in the verdict, yet not among the candidates any more."""
     module = sys.modules["mjfish.diagnosis.refit" if stage == "converged_formula" else "mjfish.diagnosis.compared"]
@@ -278,7 +282,7 @@ def test_refits_after_a_failure_are_kept_apart_from_those_without_it(tmp_path: P
     assert len([*tmp_path.iterdir()]) == 2
 
 
-@pytest.mark.parametrize("at", ["reading", "drive", "priors"])
+@pytest.mark.parametrize("at", ["reading", *(pytest.param(at, marks=pytest.mark.slow) for at in ("drive", "priors"))])
 def test_nothing_begins_anew_where_a_candidate_fails(monkeypatch: pytest.MonkeyPatch, at: str) -> None:
     begun, honest = [], DIAGNOSIS.screen
     monkeypatch.setattr(DIAGNOSIS, "screen", lambda *given, **asked: (begun.append(given), honest(*given, **asked))[1])
@@ -286,7 +290,7 @@ def test_nothing_begins_anew_where_a_candidate_fails(monkeypatch: pytest.MonkeyP
     assert len(begun) == 1
 
 
-def test_a_limit_that_is_not_reached_changes_nothing(found: dict[bool, Diagnosis]) -> None:
+def test_a_limit_that_is_not_reached_and_more_jobs_change_nothing(found: dict[bool, Diagnosis]) -> None:
     limited = _diagnosed(hidden=True, limit=1e6, jobs=2)
     assert limited.to_dict() == found[True].to_dict()
 
@@ -321,17 +325,113 @@ def _no_number(_self: Any, given: Any, *_rest: Any) -> Any:
     return np.asarray(given) * np.nan
 
 
-def _broken(at: str, does: Callable[..., Any]) -> Effect:
+#: Methods that may raise, and methods with the nonsense that they may give, and how it is told.
+METHODS = ("drive", "body", "start", "clock", "reading", "priors", "not_applicable", "for_fish")
+NONSENSE = [
+    ("reading", _nothing, "TypeError"),
+    ("drive", _nothing, "AttributeError"),
+    ("reading", _no_number, "not finite"),
+    ("start", _no_number, "not finite"),
+    ("clock", _no_number, "not finite"),
+]
+
+
+def _broken(at: str, does: Callable[..., Any], name: str = "broken") -> Effect:
     """Return an effect that breaks in one of its methods; a reading that works makes the others be asked."""
+    size = (replace(Broken.parameters[0], name=f"{name}.size"),)
 
     def reading(_self: Any, state: Any, values: Any, _trial: Any) -> Any:
         return state * (1.0 + values["size"])
 
-    return type("Broken", (Broken,), {"reading": reading, at: does})()
+    return type("Broken", (Broken,), {"name": name, "parameters": size, "reading": reading, at: does})()
 
 
-@pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
-@pytest.mark.parametrize("at", ["drive", "body", "start", "clock", "reading", "priors", "not_applicable", "for_fish"])
+def _off_far_away(_self: Any, state: Any, values: Any, _trial: Any) -> Any:
+    if abs(values["size"]) > 0.001:
+        raise ZeroDivisionError("too large")
+    return state * (1.0 + values["size"])
+
+
+def _off_when_held_out(_self: Any, state: Any, values: Any, trial: Any) -> Any:
+    if trial.name == "v5":
+        raise ValueError("not in v5")
+    return state * (1.0 + values["size"])
+
+
+def _off_in_one_sample(_self: Any, state: Any, values: Any, trial: Any) -> Any:
+    late = (trial.time > 2.01) & (trial.name == "v3")
+    gone = np.where(late[:, None] & (np.arange(8) == 1), np.nan, 1.0)
+    return state * (gone if values["size"] else 1.0)
+
+
+LOST_SAMPLE = (
+    "the derivative by its sizes is not finite: sway of trial v3 at 2.02 s; see what it makes of the run there"
+)
+
+
+def test_parts_that_fail_each_in_its_own_way_are_listed_and_the_others_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All in one diagnosis; the slow tests have each of them alone.
+
+    A candidate whose fit raises, one whose residual is no number, one whose rollout diverges, one that takes too long
+    by a clock that goes on by an hour at each of its residuals, and effects that raise or give nonsense.
+    """
+    now, residual_of, prediction_of = [0.0], Problem.residual, Model.predict
+
+    def residual(self: Problem, x: Any) -> Any:
+        now[0] += 3600.0 if _of(self, "com_offset") else 0.0
+        return residual_of(self, x) * (np.nan if _of(self, "velocity_scale") else 1.0)
+
+    def predict(self: Model, *given: Any, **options: Any) -> Any:
+        found = prediction_of(self, *given, **options)
+        if not any(effect.name == "inertia_error" for effect in self.effects):
+            return found
+        lost = np.full_like(found.velocity, np.nan)
+        return replace(found, velocity=lost, status="diverged", message="diverged at 0.1 s")
+
+    def raising(at: str) -> Callable[..., Any]:
+        def raises(*_given: Any, **_options: Any) -> Any:
+            raise KeyError(f"no such {at}")
+
+        return raises
+
+    monkeypatch.setattr(Problem, "residual", residual)
+    monkeypatch.setattr(Model, "predict", predict)
+    monkeypatch.setattr(tasks, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    _minimiser(monkeypatch, "servo_lag", _singular)
+    reasons = {
+        "servo_lag": "SVD did not converge",
+        "velocity_scale": "not finite",
+        "inertia_error": "diverged at 0.1 s",
+        "com_offset": "it took longer than the limit of 4000 s",
+        "far": "ZeroDivisionError: too large",
+        "held_out": "ValueError: not in v5",
+        "sample": LOST_SAMPLE,
+    }
+    own = [find(name) for name in ("servo_lag", "inertia_error", "com_offset")]
+    own += [_broken("reading", _off_far_away, "far"), _broken("reading", _off_when_held_out, "held_out")]
+    own += [_broken("reading", _off_in_one_sample, "sample")]
+    for at in METHODS:
+        own.append(_broken(at, raising(at), f"raising_{at}"))
+        reasons[f"raising_{at}"] = f"KeyError: 'no such {at}'"
+    for k, (at, does, reason) in enumerate(NONSENSE):
+        own.append(_broken(at, does, f"nonsense_{k}"))
+        reasons[f"nonsense_{k}"] = reason
+    result = _diagnosed(True, *own, limit=4000.0)
+    assert result.verdict not in CLAIMS
+    assert result.status != "ok"
+    assert result.failures.keys() == reasons.keys()
+    for name, reason in reasons.items():
+        assert reason in result.failures[name], name
+        assert any(name in remark and reason in remark for remark in result.remarks) or reason == "not finite", name
+    _assert_compared(result, HIDDEN)
+    assert complaints("diagnosis-5", json.loads(json.dumps(result.to_dict()))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("at", METHODS)
 def test_an_effect_that_raises_is_a_failure(at: str, hidden: bool) -> None:
     result = _diagnosed(hidden, _broken(at, _raises))
     _assert_told(result, "broken", "KeyError: 'no such gear'")
@@ -339,32 +439,18 @@ def test_an_effect_that_raises_is_a_failure(at: str, hidden: bool) -> None:
         _assert_compared(result, name)
 
 
-@pytest.mark.parametrize("hidden", HIDDEN_OR_NOT)
-@pytest.mark.parametrize(
-    ("at", "does", "reason"),
-    [
-        ("reading", _nothing, "TypeError"),
-        ("drive", _nothing, "AttributeError"),
-        ("reading", _no_number, "not finite"),
-        ("start", _no_number, "not finite"),
-        ("clock", _no_number, "not finite"),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize(("at", "does", "reason"), NONSENSE)
 def test_an_effect_that_gives_nonsense_is_a_failure(
     at: str, does: Callable[..., Any], reason: str, hidden: bool
 ) -> None:
     _assert_told(_diagnosed(hidden, _broken(at, does)), "broken", reason)
 
 
+@pytest.mark.slow
 def test_the_first_derivative_that_is_no_number_is_named_with_trial_and_time() -> None:
-    def reading(_self: Any, state: Any, values: Any, trial: Any) -> Any:
-        late = (trial.time > 2.01) & (trial.name == "v3")
-        gone = np.where(late[:, None] & (np.arange(8) == 1), np.nan, 1.0)
-        return state * (gone if values["size"] else 1.0)
-
-    result = _diagnosed(True, _broken("reading", reading))
-    said = "the derivative by its sizes is not finite: sway of trial v3 at 2.02 s; see what it makes of the run there"
-    _assert_told(result, "broken", said)
+    _assert_told(_diagnosed(True, _broken("reading", _off_in_one_sample)), "broken", LOST_SAMPLE)
 
 
 def test_the_first_residual_that_is_no_number_is_named_with_trial_and_time() -> None:
@@ -402,38 +488,27 @@ def test_a_statistic_that_is_no_number_is_named() -> None:
     assert caught.value.args == ("the test", "its statistic 'omnibus' is no number")
 
 
+@pytest.mark.slow
 def test_an_effect_that_raises_at_some_sizes_alone_is_a_failure() -> None:
     """Its score is fine: it fails in its refit."""
-
-    def reading(_self: Any, state: Any, values: Any, _trial: Any) -> Any:
-        if abs(values["size"]) > 0.001:
-            raise ZeroDivisionError("too large")
-        return state * (1.0 + values["size"])
-
-    result = _diagnosed(True, _broken("reading", reading))
-    _assert_told(result, "broken", "ZeroDivisionError: too large")
+    _assert_told(_diagnosed(True, _broken("reading", _off_far_away)), "broken", "ZeroDivisionError: too large")
 
 
+@pytest.mark.slow
 def test_an_effect_that_raises_on_held_out_trials_alone_is_a_failure() -> None:
-    def reading(_self: Any, state: Any, values: Any, trial: Any) -> Any:
-        if trial.name == "v5":
-            raise ValueError("not in v5")
-        return state * (1.0 + values["size"])
-
-    _assert_told(_diagnosed(True, _broken("reading", reading)), "broken", "ValueError: not in v5")
+    _assert_told(_diagnosed(True, _broken("reading", _off_when_held_out)), "broken", "ValueError: not in v5")
 
 
-#: A few that every run has, for the fast tests.
+WAYS = ("raises", "no number")
+#: A few that every run has, for the fast tests, each in one of the ways.
 FEW = [
     ("mjfish.numerics.block_angular", "numpy.linalg", "svd"),
     ("mjfish.diagnosis.evidence", "numpy.linalg", "eigh"),
     ("mjfish.estimation.stability", "scipy.optimize", "minimize"),
 ]
-WAYS = ("raises", "no number")
 
 
-@pytest.mark.parametrize("how", WAYS)
-@pytest.mark.parametrize("call", FEW, ids=names(FEW))
+@pytest.mark.parametrize(("call", "how"), [*zip(FEW, ("raises", "no number", "raises"), strict=True)], ids=names(FEW))
 def test_where_a_solver_fails_nothing_is_claimed(
     monkeypatch: pytest.MonkeyPatch, call: tuple[str, str, str], how: str
 ) -> None:

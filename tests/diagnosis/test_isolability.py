@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from diagnosed import diagnosis
+from diagnosed import diagnosis, page
 from hidden_cases import draw
 
 import mjfish
@@ -17,7 +17,6 @@ from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
 from mjfish.model import Model
 from mjfish.numerics.arrays import FloatArray
-from mjfish.reporting.html.diagnosis import render_diagnosis
 
 SCALE, POINT, REACTIVE = (find(name) for name in ("velocity_scale", "marker_offset", "reactive_force"))
 AXIAL = find("axial_momentum")
@@ -101,17 +100,6 @@ def test_of_a_diagnosis_the_diagonal_is_the_minimum_detectable_effect_and_clocks
     assert beside_formula[1, 3] < found.ratios[1, 3]  # one law against a curve
 
 
-def test_a_diagnosis_has_it_also_where_nothing_is_wrong() -> None:
-    pool = mjfish.generate("pike", ["v1", "v3"], duration=2.0, noise=(0.006, 0.006, 0.04), seed=2)
-    known = {name: find(name) for name in ("time_offset", "servo_lag", "velocity_scale")}
-    found = mjfish.diagnose(pool, effects=known, jobs=1)
-    assert found.verdict == "nothing_wrong"
-    raw = json.loads(json.dumps(found.to_dict()))["isolability"]
-    assert raw["mechanisms"] == ["clock", "camera_scale", "servo_dynamics"]
-    assert raw["units"] == ["s", "-", "s"]
-    np.testing.assert_allclose(raw["sizes"], found.isolability.sizes)
-
-
 def test_in_json_a_size_that_is_not_told_is_null() -> None:
     raw = json.loads(json.dumps(diagnosis().to_dict()))["isolability"]
     assert raw.keys() == {"mechanisms", "amplitudes", "units", "sizes"}
@@ -120,7 +108,7 @@ def test_in_json_a_size_that_is_not_told_is_null() -> None:
 
 
 def test_the_report_has_the_ratios_and_how_much_is_hidden() -> None:
-    html = render_diagnosis(diagnosis())
+    html = page()
     table = html[html.index('<table class="isolability">') :]
     table = table[: table.index("</table>")]
     cells = re.findall(r'--hidden:(\d+)%" title="([^"]*)">([^<]*)<', table)

@@ -40,7 +40,7 @@ def _evidence(data: Dataset) -> Evidence:
     return gather(problem, fit(problem), formulas)
 
 
-@pytest.mark.parametrize("odd", [0, 2, None])
+@pytest.mark.parametrize("odd", [pytest.param(0, marks=pytest.mark.slow), 2, None])
 def test_the_run_with_other_water_is_found(pike: Fish, odd: int | None) -> None:
     assert outlying_run(_evidence(_recorded(pike, odd))) == odd
 

@@ -8,6 +8,7 @@ import pytest
 import mjfish
 from mjfish.data import Dataset
 from mjfish.diagnosis import Diagnosis
+from mjfish.effects import find
 
 CURRENT = {"ambient_current.x": 0.03, "ambient_current.y": -0.04}
 #: Of x, y [m], heading [rad], and of measured joints [rad].
@@ -24,7 +25,8 @@ def _pool(joints: str, values: dict[str, float] | None = None, seed: int = 0) ->
 
 @pytest.fixture(scope="module")
 def quiet() -> Diagnosis:
-    return mjfish.diagnose(_pool("measured", seed=4))
+    few = ("ambient_current", "servo_lag", "joint_zero_offset", "inertia_error", "lens_distortion", "munk_moment")
+    return mjfish.diagnose(_pool("measured", seed=4), effects={name: find(name) for name in few})
 
 
 def test_nothing_is_named_where_nothing_is_hidden(quiet: Diagnosis) -> None:

@@ -96,7 +96,11 @@ def _text(result: DiagnosisData, capsys: pytest.CaptureFixture[str], **options: 
     return "".join(capsys.readouterr())
 
 
-@pytest.mark.parametrize("case", CASES)
+#: Cases for the slow tests.
+LESS = ("nothing_wrong", "cannot_tell", "unexplained", "nothing held out", "learned, of another name")
+
+
+@pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow) if c in LESS else c for c in CASES])
 def test_text_page_and_curves_are_the_same_after_a_round_trip(
     case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

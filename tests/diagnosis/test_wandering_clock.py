@@ -38,6 +38,7 @@ def test_a_wandering_clock_is_named() -> None:
     assert found.to_dict()["table"]["rows"][0]["names"] == ["clock_wander"]
 
 
+@pytest.mark.slow
 def test_without_it_in_the_catalogue_it_is_not_asked_for() -> None:
     few = {name: find(name) for name in ("servo_lag", "linear_drag")}
     found = diagnose(_pool({"clock_wander.size": 0.006}), effects=few, jobs=1)

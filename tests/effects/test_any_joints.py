@@ -26,7 +26,7 @@ def _fish(pike: Fish, joints: int) -> Fish:
     return pike.model_copy(update={"links": (head, *links, tail), "cpg": None})
 
 
-@pytest.mark.parametrize("joints", [1, 2, 5, 9])
+@pytest.mark.parametrize("joints", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 5)), 9])
 @pytest.mark.parametrize("effect", catalogue().values(), ids=catalogue())
 def test_it_changes_a_swim_and_stays_finite(pike: Fish, effect: Effect, joints: int) -> None:
     """Catches a cause that counts on five links, or on four joints."""

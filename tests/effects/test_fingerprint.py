@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from pike_coefficients import COEFFICIENTS
@@ -10,7 +12,7 @@ from mjfish.data import Dataset, Trial
 from mjfish.drive import cpg
 from mjfish.drive.cpg import DriveSegment
 from mjfish.effects import Effect, catalogue
-from mjfish.fish import Fish
+from mjfish.fish import Fish, load_fish
 from mjfish.model import Model
 from mjfish.model.sensitivity import sensitivities
 from mjfish.numerics.arrays import FloatArray, readonly
@@ -41,8 +43,15 @@ def _discrepancy(fish: Fish, effect: Effect, trial: Trial, size: float) -> Float
     """Return the change (n, 3) that all amplitudes make together, divided by the frequency."""
     model = Model(fish, (effect,))
     sizes = {p.name: p.default if p.shape else p.default + size * p.scale for p in effect.parameters}
-    with_it, without = (model.predict(trial, model.values(given)).velocity for given in (sizes, {}))
-    return np.asarray(with_it - without)[-BEATS * SAMPLES :] / trial.drive[0].omega
+    with_it = model.predict(trial, model.values(sizes)).velocity
+    return np.asarray(with_it - _nominal(trial))[-BEATS * SAMPLES :] / trial.drive[0].omega
+
+
+@functools.cache
+def _nominal(trial: Trial) -> FloatArray:
+    """Return what the pike does without any cause, predicted once."""
+    model = Model(load_fish("pike"))
+    return model.predict(trial, model.values()).velocity
 
 
 def _odd_share(change: FloatArray) -> float:

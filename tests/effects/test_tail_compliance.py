@@ -39,9 +39,11 @@ def test_the_nominal_fish_is_left_rigid(pike: Fish) -> None:
 LIGHT, HEAVY = {"c_m.tail": 0.02, "c_d.tail": 3.9}, {"c_m.tail": 2.5, "c_d.tail": 0.3}
 
 
-@pytest.mark.parametrize("coefficients", [{}, LIGHT, HEAVY], ids=["nominal", "light", "heavy"])
-@pytest.mark.parametrize("damping", [0.005, 0.02, 0.2])
-@pytest.mark.parametrize("compliance", [0.01, 0.05, 0.15, 2.0])
+@pytest.mark.parametrize(
+    "coefficients", [pytest.param({}, marks=pytest.mark.slow), LIGHT, HEAVY], ids=["nominal", "light", "heavy"]
+)
+@pytest.mark.parametrize("damping", [0.005, pytest.param(0.02, marks=pytest.mark.slow), 0.2])
+@pytest.mark.parametrize("compliance", [0.01, *(pytest.param(c, marks=pytest.mark.slow) for c in (0.05, 0.15)), 2.0])
 def test_it_is_integrated_stably_and_accurately_wherever_a_fit_may_look(
     pike: Fish, turning: Trial, compliance: float, damping: float, coefficients: dict[str, float]
 ) -> None:

@@ -61,8 +61,11 @@ def test_a_spring_that_turns_back_is_refused(pike: Fish) -> None:
         Fish.model_validate({**pike.model_dump(by_alias=True), "tail_quadratic": -4.0, "tail_hardening": 5.0})
 
 
-@pytest.mark.parametrize("coefficients", [{}, {"c_m.tail": 0.02, "c_d.tail": 3.9}, {"c_m.tail": 2.5, "c_d.tail": 0.3}])
-@pytest.mark.parametrize("compliance", [0.05, 0.3, 2.0])
+@pytest.mark.parametrize(
+    "coefficients",
+    [pytest.param({}, marks=pytest.mark.slow), {"c_m.tail": 0.02, "c_d.tail": 3.9}, {"c_m.tail": 2.5, "c_d.tail": 0.3}],
+)
+@pytest.mark.parametrize("compliance", [0.05, pytest.param(0.3, marks=pytest.mark.slow), 2.0])
 @pytest.mark.parametrize("quadratic", [-10.0, 30.0])
 def test_it_is_integrated_stably_and_accurately_wherever_a_fit_may_look(
     pike: Fish, turning: Trial, quadratic: float, compliance: float, coefficients: dict[str, float]

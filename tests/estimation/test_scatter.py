@@ -54,8 +54,9 @@ def alike(pike: Fish) -> Draws:
 @pytest.mark.parametrize("phi", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 def test_runs_of_one_fish_are_not_scattered_in_most_draws(alike: Draws, phi: float) -> None:
     """Of 40 draws of noise, white or coloured: 0 in most, and else hardly above the error of one run."""
-    tau = np.array([[*scatter(alike.problem, one).values()] for one in alike.fits(phi, 40, 4)])
-    error = np.std([one.x for one in alike.fits(phi, 40, 4)], axis=0) * np.sqrt(6.0)
+    fits = [*alike.fits(phi, 40, 4)]
+    tau = np.array([[*scatter(alike.problem, one).values()] for one in fits])
+    error = np.std([one.x for one in fits], axis=0) * np.sqrt(6.0)
     assert tau.shape == (40, 9)
     assert np.mean(tau == 0.0) > 0.65
     assert np.all(np.mean(tau == 0.0, axis=0) > 0.5)

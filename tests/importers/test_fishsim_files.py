@@ -16,7 +16,7 @@ Lines = list[str]
 
 
 def _lines(path: Path) -> Lines:
-    return Swim(seconds=4.0).write(path).read_text().splitlines()
+    return Swim(seconds=2.6).write(path).read_text().splitlines()
 
 
 def _cell(lines: Lines, row: int, column: int, text: str) -> Lines:
@@ -68,11 +68,11 @@ def test_markers_that_never_move_apart_leave_no_scale(tmp_path: Path) -> None:
         pixel[:, 1] = pixel[:, 0]
 
     with pytest.raises(InputError, match="markers 0 and 1 lie on each other"):
-        importers.import_files("fishsim", [Swim(seconds=4.0).write(tmp_path / "markers_run.csv", spoil)])
+        importers.import_files("fishsim", [Swim(seconds=2.6).write(tmp_path / "markers_run.csv", spoil)])
 
 
 def test_names_that_do_not_exist_list_those_that_do(tmp_path: Path) -> None:
-    path = Swim(seconds=4.0).write(tmp_path / "markers_run.csv")
+    path = Swim(seconds=2.6).write(tmp_path / "markers_run.csv")
     with pytest.raises(
         UnknownNameError,
         match=r"unknown importer 'vicon'; known: deeplabcut, fishsim, markers, .*velocities; or give a Python file",
@@ -83,8 +83,8 @@ def test_names_that_do_not_exist_list_those_that_do(tmp_path: Path) -> None:
 
 
 def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
-    path = Swim(seconds=4.0).write(tmp_path / "markers_run.csv")
-    other = Swim(seconds=4.0).write(tmp_path / "run.csv")
+    path = Swim(seconds=2.6).write(tmp_path / "markers_run.csv")
+    other = Swim(seconds=2.6).write(tmp_path / "run.csv")
     cases: list[tuple[list[Path], list[str], str]] = [
         ([], [], "no files to import"),
         ([path, path], [], "given twice"),
@@ -98,11 +98,11 @@ def test_files_that_make_no_dataset_are_refused(tmp_path: Path) -> None:
 
 def test_no_trial_has_a_role_unless_something_sets_them_apart(tmp_path: Path) -> None:
     """The report has a row a file, under its headers."""
-    files = [Swim(seconds=4.0, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
+    files = [Swim(seconds=2.6, seed=seed).write(tmp_path / f"markers_{seed}.csv") for seed in range(2)]
     dataset, report = importers.import_files("fishsim", files)
     assert [run.role for run in dataset.trials] == [None, None]
     assert [run.role for run in importers.import_files("fishsim", files, ["0"])[0].trials] == ["held_out", "fit"]
     rows = report.rows()
     assert [row[0] for row in rows] == [file.name for file in files]
     assert {len(row) for row in rows} == {len(importers.HEADERS)}
-    assert rows[0][importers.HEADERS.index("frames")] == "240"
+    assert rows[0][importers.HEADERS.index("frames")] == "156"

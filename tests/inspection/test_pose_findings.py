@@ -115,7 +115,6 @@ WRONG: dict[str, tuple[Values | None, Values | None, str, str, str]] = {
     "m as mm": (_times(1e-3), None, "poses-unit", "position", "--length-unit m"),
     "degrees": (None, _wrapped, "poses-unit", "heading", "--angle-unit deg"),
     "radians as degrees": (None, _times(np.pi / 180.0), "poses-unit", "heading", "--angle-unit rad"),
-    "link 2": (None, _of_link(2), "poses-heading-link", "heading", "--heading COLUMN"),
     "tail": (None, _of_link(4), "poses-heading-link", "heading", "--heading COLUMN"),
 }
 
@@ -124,12 +123,12 @@ WRONG: dict[str, tuple[Values | None, Values | None, str, str, str]] = {
 def test_a_wrong_import_is_found_with_the_option_that_mends_it(
     place: Values | None, heading: Values | None, code: str, channel: str, option: str
 ) -> None:
-    dataset = spoiled(place, heading)
-    found = [finding for finding in poses(dataset) if finding.severity == "blocks"]
+    inspected = inspect(spoiled(place, heading))
+    found = [finding for finding in inspected.blocks if finding.code.startswith("poses")]
     assert [finding.code for finding in found] == [code], [finding.message for finding in found]
     assert found[0].place == f"all trials, {channel}"
     assert option in found[0].remedy
-    assert inspect(dataset).severity == "blocks"
+    assert inspected.severity == "blocks"
 
 
 def test_the_link_whose_heading_it_is_is_named() -> None:

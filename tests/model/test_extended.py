@@ -136,14 +136,14 @@ def test_a_coefficient_outside_the_fishs_bounds_widens_them(pike: Fish, tmp_path
 @pytest.fixture(scope="module")
 def nominal(pike: Fish) -> crosscheck.CrossCheck:
     """The cross-check without any cause."""
-    return crosscheck.check(_of(pike).fish, "v3", duration=1.5, halvings=1)
+    return crosscheck.check(_of(pike).fish, "v3", duration=0.8, halvings=1)
 
 
 @pytest.mark.parametrize("name", SWIMS)
 def test_both_engines_swim_alike_with_the_cause_on(pike: Fish, name: str, nominal: crosscheck.CrossCheck) -> None:
     """MuJoCo's own dynamics, moved by its servos, against the ODE on the joints that these realised."""
     one = _of(pike, name)
-    found = crosscheck.check(one, "v3", duration=1.5, halvings=1)
+    found = crosscheck.check(one, "v3", duration=0.8, halvings=1)
     assert found.passed, found.message
     frame = name == "ambient_current"  # a change of frame: nothing of it is in the fish
     assert (found.range == nominal.range) == frame
@@ -157,7 +157,7 @@ def test_a_load_that_one_engine_lacks_is_seen(pike: Fish, name: str, monkeypatch
         return honest(*given, **{**options, "loads": ()})
 
     monkeypatch.setattr(crosscheck.cross_check, "simulate", dry)
-    found = crosscheck.check(one, "v3", duration=1.0, halvings=1)
+    found = crosscheck.check(one, "v3", duration=0.6, halvings=1)
     assert found.status == "disagrees"
     assert found.orders[0] < 0.5
 
@@ -173,7 +173,7 @@ def test_prescribed_joints_agree_with_loads_at_the_order_of_every_integrator(
     pike: Fish, names: tuple[str, ...]
 ) -> None:
     """Both couplings and every integrator of MuJoCo: with a Munk moment and an elastic tail; with place and memory."""
-    rows = list(engines.sweep(_of(pike, *names), cases=(engines.CASES[0],), duration=1.0))
+    rows = list(engines.sweep(_of(pike, *names), cases=(engines.CASES[0],), duration=0.6))
     assert [row.status for row in rows] == ["agrees"] * len(engines.ENGINES)
     assert all(row.order > 3.5 for row in rows if row.engine.order == 4)
 

@@ -79,8 +79,8 @@ def _rough(rng: np.random.Generator, samples: int, rounding: float = ROUGH.round
 
 
 def _pushed(rng: np.random.Generator, samples: int) -> FloatArray:
-    """Integrate the pushed deviation by a hundred small steps a sample: another discretisation than the filter's."""
-    fine, push, v = 20, rng.standard_normal(3) * PUSHED.push, np.zeros(3)
+    """Integrate the pushed deviation by ten small steps a sample: another discretisation than the filter's."""
+    fine, push, v = 10, rng.standard_normal(3) * PUSHED.push, np.zeros(3)
     h, out = STEP / fine, np.empty((samples, 3))
     for t in range(samples):
         out[t] = v
@@ -257,7 +257,7 @@ def _shapes(problem: Problem) -> list[FloatArray]:
     return [own[problem.mask(i)] for i, own in enumerate(waves)]
 
 
-@pytest.mark.parametrize("rounding", [0.03, 0.07, 0.15])
+@pytest.mark.parametrize("rounding", [0.03, pytest.param(0.07, marks=pytest.mark.slow), 0.15])
 def test_rounding_is_estimated_where_the_saturated_model_absorbs_slow_noise(
     swum: tuple[Problem, Fit], rounding: float
 ) -> None:

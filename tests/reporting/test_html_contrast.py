@@ -6,9 +6,7 @@ import re
 from itertools import product
 
 import pytest
-from diagnosed import diagnosis
-
-from mjfish.reporting.html.diagnosis import render_diagnosis
+from diagnosed import page
 
 #: Grounds that text and figures stand on.
 GROUNDS = ("paper", "card")
@@ -23,7 +21,7 @@ SPECIAL = (
 
 
 def _style() -> str:
-    html = render_diagnosis(diagnosis())
+    html = page()
     return html[html.index("<style>") : html.index("</style>")]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import SPEEDS, VISITED, diagnosis, drag_curve, drag_law, learned_diagnosis
+from diagnosed import SPEEDS, VISITED, drag_curve, drag_law, learned_diagnosis, page
 
 from mjfish.effects import find
 from mjfish.reporting.curves import logarithmic, span, stretches
@@ -51,7 +51,7 @@ def test_what_the_runs_bear_of_a_curve_is_said(freedom: float | None, visited: t
 
 
 def test_without_curves_there_is_no_such_section() -> None:
-    assert "<h2>Form</h2>" not in render_diagnosis(diagnosis())
+    assert "<h2>Form</h2>" not in page()
     assert form_rows([replace(drag_law(), curves=())]) == []
 
 
@@ -127,4 +127,4 @@ def test_values_of_a_curve_are_no_reading() -> None:
     assert "across_1" not in html
     count = sum(not p.shape for p in find("drag_law").parameters)
     assert f"And {count} values of smooth curves, which diagnosis.json has." in html
-    assert "smooth curves" not in render_diagnosis(diagnosis())
+    assert "smooth curves" not in page()

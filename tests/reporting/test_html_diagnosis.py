@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from dataclasses import replace
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosed import LAG, diagnosis
+from diagnosed import LAG, diagnosis, page
 
 from mjfish.diagnosis import Candidate, Diagnosis, Estimate
 from mjfish.diagnosis.result import Verdict
@@ -53,24 +54,30 @@ def _page(found: Diagnosis) -> _Page:
     return _Page(render_diagnosis(found))
 
 
+@functools.cache
+def _shown(verdict: Verdict = "named", *, held_out: bool = True) -> _Page:
+    """Return the page of a diagnosis with this verdict, read once."""
+    return _Page(page(verdict, held_out=held_out))
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_is_told_first_and_with_its_colour(verdict: Verdict) -> None:
-    page = _page(diagnosis(verdict))
+    seen = _shown(verdict)
     badge = {"named": "Cause named", "nothing_wrong": "Nothing wrong"}.get(verdict, verdict.replace("_", " "))
-    assert badge.lower() in page.text[:250].lower()
-    assert f"Something to say about {verdict}." in page.text[:400]
-    assert ("header", {"class": verdict}) in page.tags
+    assert badge.lower() in seen.text[:250].lower()
+    assert f"Something to say about {verdict}." in seen.text[:400]
+    assert ("header", {"class": verdict}) in seen.tags
 
 
 def test_the_file_asks_for_nothing_from_outside() -> None:
-    html = render_diagnosis(diagnosis())
-    page = _Page(html)
-    assert not [attributes for _, attributes in page.tags if {"src", "srcset", "data"} & set(attributes)]
-    assert all(str(attributes["href"]).startswith("#") for _, attributes in page.tags if "href" in attributes)
+    html = page()
+    seen = _Page(html)
+    assert not [attributes for _, attributes in seen.tags if {"src", "srcset", "data"} & set(attributes)]
+    assert all(str(attributes["href"]).startswith("#") for _, attributes in seen.tags if "href" in attributes)
     styles = html[html.index("<style>") : html.index("</style>")]
     assert "url(" not in styles
     assert "@import" not in styles
-    policy = next(a["content"] for tag, a in page.tags if tag == "meta" and "http-equiv" in a)
+    policy = next(a["content"] for tag, a in seen.tags if tag == "meta" and "http-equiv" in a)
     assert policy is not None
     assert policy.startswith("default-src 'none'")
     assert "http" not in policy
@@ -78,13 +85,13 @@ def test_the_file_asks_for_nothing_from_outside() -> None:
 
 
 def test_a_named_cause_comes_with_its_parameter_interval_and_unit() -> None:
-    text = _page(diagnosis()).text
+    text = _shown().text
     assert "servo_lag.time_constant 0.02010 s 95 %: 0.01950 to 0.02070 s" in text
     assert "log the joint angles on the bench while the command steps" in text  # the experiment
 
 
 def test_the_gain_is_told_per_channel_and_pooled_with_its_interval() -> None:
-    text = _page(diagnosis()).text.replace("\N{NO-BREAK SPACE}", " ")
+    text = _shown().text.replace("\N{NO-BREAK SPACE}", " ")
     for name, before, after, less in (
         ("surge", "3.10 %", "1.10 %", "64.5 % less"),
         ("yaw rate", "4.23 %", "1.30 %", "69.3 % less"),
@@ -102,10 +109,10 @@ def test_a_gain_that_may_be_none_is_said_to_be_uncertain() -> None:
 
 
 def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
-    page = _page(diagnosis(held_out=False))
-    assert "No trial was held out" in page.text
-    assert "held_out" in page.text
-    labels = list(page.figures())
+    seen = _shown(held_out=False)
+    assert "No trial was held out" in seen.text
+    assert "held_out" in seen.text
+    labels = list(seen.figures())
     assert labels[0].endswith("where the nominal model is worst")
     assert labels[1:] == [
         "velocities and residuals of trial slow", "velocities and residuals of trial fast",
@@ -115,28 +122,28 @@ def test_without_a_held_out_trial_the_page_says_what_to_record() -> None:
 
 
 def test_when_nothing_is_wrong_only_the_nominal_model_is_shown() -> None:
-    page = _page(diagnosis("nothing_wrong"))
-    for figure in page.figures().values():
+    seen = _shown("nothing_wrong")
+    for figure in seen.figures().values():
         assert {trace.get("name") for trace in figure["data"]} <= {"measured", "nominal", None}
-    assert "extended model" not in page.text
-    assert "Error on held-out trials channel nominal surge 3.10 % sway" in page.text.replace("\N{NO-BREAK SPACE}", " ")
-    assert "the minimum detectable effect is time_constant 5.8 × 10⁻⁵ s." in page.text
+    assert "extended model" not in seen.text
+    assert "Error on held-out trials channel nominal surge 3.10 % sway" in seen.text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "the minimum detectable effect is time_constant 5.8 × 10⁻⁵ s." in seen.text
 
 
 def test_rivals_are_listed_each_with_the_experiment_that_tells_them_apart() -> None:
-    text = _page(diagnosis("cannot_tell")).text
+    text = _shown("cannot_tell").text
     told = text[text.index("What to do next") :]
     assert "flash a light in the camera" in told
     assert "log the joint angles on the bench" in told
 
 
 def test_an_unexplained_misfit_sends_the_reader_to_a_cause_of_their_own() -> None:
-    assert "mjfish diagnose DATASET --effects my_effects.py" in _page(diagnosis("unexplained")).text
+    assert "mjfish diagnose DATASET --effects my_effects.py" in _shown("unexplained").text
 
 
 def test_a_fit_that_did_not_converge_is_told_at_the_top() -> None:
-    page = _page(replace(diagnosis(), status="fit_not_converged"))
-    assert "fit not converged" in page.text[:600]
+    seen = _page(replace(diagnosis(), status="fit_not_converged"))
+    assert "fit not converged" in seen.text[:600]
 
 
 def test_what_users_wrote_is_text_and_never_markup() -> None:
@@ -151,20 +158,20 @@ def test_what_users_wrote_is_text_and_never_markup() -> None:
         candidates=(*found.candidates, Candidate(evil, False, remark=evil)),
         provenance={**found.provenance, "inputs": {evil: evil}},
     )
-    page = _page(found)
-    plain = _page(diagnosis())
-    assert [tag for tag, _ in page.tags if tag == "img"] == []
-    assert len(page.scripts) == len(plain.scripts)
-    assert page.text.count(evil) >= 6
-    assert "{{ 7 * 7 }}" in page.text
+    seen = _page(found)
+    plain = _shown()
+    assert [tag for tag, _ in seen.tags if tag == "img"] == []
+    assert len(seen.scripts) == len(plain.scripts)
+    assert seen.text.count(evil) >= 6
+    assert "{{ 7 * 7 }}" in seen.text
 
 
 def test_figures_show_the_measured_and_simulated_velocities_held_out_first() -> None:
     found = diagnosis()
-    page = _page(found)
-    assert page.text.index("fast held out") < page.text.index("slow 2.0 s")
+    seen = _page(found)
+    assert seen.text.index("fast held out") < seen.text.index("slow 2.0 s")
     held = found.overlays[1]
-    data = page.figures()["velocities and residuals of trial fast"]["data"]
+    data = seen.figures()["velocities and residuals of trial fast"]["data"]
     by_panel = {(trace["name"], trace["yaxis"]): trace for trace in data}  # panels are numbered row by row
     np.testing.assert_allclose(by_panel["measured", "y5"]["y"], held.trial.velocity[:, 2], rtol=1e-4, atol=1e-9)
     scored = np.abs(held.trial.time - 1.2) > 0.03  # a step of the drive at 1.2 s: nothing is scored beside it
@@ -180,10 +187,10 @@ def test_a_rollout_that_diverged_leaves_a_gap_in_the_curve() -> None:
     found = diagnosis()
     broken = found.overlays[1].nominal.copy()
     broken[70:] = np.nan
-    page = _page(replace(found, overlays=(found.overlays[0], replace(found.overlays[1], nominal=broken))))
+    seen = _page(replace(found, overlays=(found.overlays[0], replace(found.overlays[1], nominal=broken))))
     curve = next(
         trace["y"]
-        for trace in page.figures()["velocities and residuals of trial fast"]["data"]
+        for trace in seen.figures()["velocities and residuals of trial fast"]["data"]
         if trace["name"] == "nominal"
     )
     assert curve[69] is not None
@@ -200,7 +207,7 @@ def test_the_report_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None:
-    text = _page(diagnosis()).text
+    text = _shown().text
     told = text[text.index("model with 95 % intervals") :]
     assert "servo_lag.time_constant" in told
     assert f"– {LAG.estimate:.5f}" in told  # the nominal model has no such parameter
@@ -209,20 +216,20 @@ def test_estimates_of_the_extended_model_stand_beside_the_nominal_ones() -> None
 
 def test_what_remains_is_shown_only_of_candidates_in_the_race() -> None:
     """Columns of a candidate: evidence, p, against the best, what remains, ..."""
-    rows = _rows(diagnosis("cannot_tell"))
+    rows = _rows("cannot_tell")
     assert [rows[name][3] for name in ("servo_lag", "time_offset", "tail_compliance")] == ["0.31", "0.31", "–"]
-    assert {cells[2] for cells in _rows(diagnosis("nothing_wrong")).values() if len(cells) > 1} == {"–"}
+    assert {cells[2] for cells in _rows("nothing_wrong").values() if len(cells) > 1} == {"–"}
 
 
 def test_causes_that_are_named_or_possible_are_marked() -> None:
-    html = render_diagnosis(diagnosis("cannot_tell"))
+    html = page("cannot_tell")
     marked = re.findall(r'<tbody class="chosen">\s*<tr>\s*<th scope="row">[^<]*<code>(\w+)</code>', html)
     assert marked == ["servo_lag", "time_offset"]
 
 
-def _rows(found: Diagnosis) -> dict[str, list[str]]:
+def _rows(verdict: Verdict) -> dict[str, list[str]]:
     """Return the numbers of every candidate as the page shows them."""
-    html = render_diagnosis(found)
+    html = page(verdict)
     row = r'<tbody class="[ a-z]*">\s*<tr>\s*<th scope="row">[^<]*<code>(\w+)</code></th>(.*?)</tr>'
     bodies = re.findall(row, html, re.DOTALL)
     return {name: re.findall(r'<td class="number" data-label="[a-z -]*">([^<]*)', cells) for name, cells in bodies}
@@ -235,7 +242,7 @@ def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -
     assert len(trials[2]) == 1
     assert phases[1] == next(iter(phases[2]))
     assert shares(diagnosis("nothing_wrong")) == []
-    html = render_diagnosis(diagnosis()).replace("\N{NO-BREAK SPACE}", " ")
+    html = page().replace("\N{NO-BREAK SPACE}", " ")
     bars = re.findall(r'class="share( chief)?"><span>(\w[\w ]*)</span>.*?width:([0-9.]+)%.*?number">(\d+ %)', html)
     assert bars[:3] == [
         ("", "surge", "40.0", "20 %"),
@@ -245,8 +252,8 @@ def test_where_it_goes_wrong_is_listed_in_the_order_of_channels_and_swimming() -
 
 
 def test_what_describes_the_misfit_is_told_below_where_it_sits() -> None:
-    assert "A description, not a cause" not in _page(diagnosis()).text
-    described = _page(diagnosis("unexplained")).text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "A description, not a cause" not in _shown().text
+    described = _shown("unexplained").text.replace("\N{NO-BREAK SPACE}", " ")
     assert "A description, not a cause, of 60 % of the misfit: a moment on every link ~ u v (size −0.20 SI" in described
 
 

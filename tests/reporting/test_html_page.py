@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from diagnosed import diagnosis, learned_diagnosis, splits
+from diagnosed import diagnosis, learned_diagnosis, page, splits
 from html_tree import Element, tree
 
 from mjfish.reporting.html.diagnosis import render_diagnosis
@@ -29,7 +29,7 @@ def _page(name: str) -> Element:
         return tree(render_diagnosis(learned_diagnosis()))
     if name == "splits":
         return tree(render_diagnosis(diagnosis(), splits()))
-    return tree(render_diagnosis(diagnosis(name)))  # type: ignore[arg-type]
+    return tree(page(name))  # type: ignore[arg-type]
 
 
 over_pages = pytest.mark.parametrize("name", PAGES)

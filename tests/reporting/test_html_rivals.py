@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from diagnosed import diagnosis, row
+from diagnosed import diagnosis, page, row
 from html_tree import Element, tree
 
 from mjfish.diagnosis import Diagnosis
@@ -53,7 +53,7 @@ def test_sets_of_several_causes_have_a_column_each_with_numbers_of_the_table() -
 def test_without_rivals_there_is_no_such_section(verdict: str) -> None:
     found = diagnosis(verdict)  # type: ignore[arg-type]
     assert rivals(found) == []
-    assert "Rivals side by side" not in render_diagnosis(found)
+    assert "Rivals side by side" not in page(verdict)  # type: ignore[arg-type]
 
 
 def test_the_legend_names_the_cause_that_is_drawn() -> None:
