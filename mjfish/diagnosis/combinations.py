@@ -110,6 +110,11 @@ def _searched(
             if earned:
                 best = compared(earned, goodness)
                 sufficient = [earned[row.names] for row in best.staying() if row.clean()]
+                if narrower := _narrower(sufficient, evidence, known, whole):
+                    known.update(narrower)
+                    earned.update({names: refit for names, refit in narrower.items() if pays(refit, known)})
+                    best = compared(earned, goodness)
+                    sufficient = [earned[row.names] for row in best.staying() if row.clean()]
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
                 if not sufficient and grown is _grown and any(row.leaves_little() for row in best.staying()):
                     return best
@@ -185,6 +190,25 @@ def _grown_by_unscored(
 ) -> dict[Names, Refit]:
     """Add causes of which a score says nothing to the first base, the best formula."""
     return _extended(bases[:1], evidence, known, whole, _unscored_additions)
+
+
+def _narrower(
+    sufficient: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
+) -> dict[Names, Refit]:
+    """Put the formulas that a general form becomes in its place; the others may all have been added to that form."""
+    found: dict[Names, Refit] = {}
+    for refit in sufficient:
+        for effect in refit.effects:
+            rest = _less(refit, effect.name)
+            if effect.limits and rest in known:
+                ends = partial(_named, effect.limits)
+                found |= _extended([known[rest]], evidence, {**known, **found}, whole, ends)
+    return found
+
+
+def _named(names: Sequence[str], after: Evidence) -> list[Effect]:
+    """Return the candidates of these names."""
+    return [effect for effect in after.candidates if effect.name in names]
 
 
 def _resembles(refit: Refit, whole: float) -> bool:
