@@ -65,7 +65,6 @@ STRONG: dict[str, Draw] = {
     "servo_rate_limit": _one("slowness", 0.3, 0.45),
     "servo_saturation": _one("psi", 1.0, 3.0),
     "servo_backlash": lambda rng: dict.fromkeys([f"joint_{i}" for i in range(1, 5)], rng.uniform(0.04, 0.08)),
-    "joint_gain_error": lambda rng: {"joint_3": -rng.uniform(0.2, 0.4)},
     "joint_zero_offset": _zero,
     "inertia_error": _one("error", 0.6, 1.2),
     "com_offset": _one("shift", 0.02, 0.04, signed=True),

@@ -39,7 +39,6 @@ _ALL = (
     Mechanism("servo_dynamics", "drive", "the joints follow their command late", "command and its rate"),
     Mechanism("servo_limit", "drive", "the joints end at other angles than they are told", "command"),
     Mechanism("servo_play", "drive", "the gears have play", "command"),
-    Mechanism("joint_gain", "drive", "the joints turn by another share of what they are told", "-"),
     Mechanism("joint_zero", "drive", "the zeros of the joints are off", "-"),
     Mechanism("mass_distribution", "body", "masses lie elsewhere", "-"),
     Mechanism("trim", "body", "a moment turns the fish to one side", "speed"),

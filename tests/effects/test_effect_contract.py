@@ -40,7 +40,6 @@ SHIPPED = {
     "fin_lift",
     "frame_misalignment",
     "inertia_error",
-    "joint_gain_error",
     "joint_zero_offset",
     "keulegan_carpenter_drag",
     "lens_distortion",
