@@ -40,7 +40,7 @@ class _Set:
 
     @property
     def effects(self) -> list[Any]:
-        return [SimpleNamespace(name=name) for name in self.names]
+        return [SimpleNamespace(name=name, limits=()) for name in self.names]
 
     @property
     def mechanisms(self) -> Names:
@@ -117,6 +117,25 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
     found, _ = find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
     assert found is not None
     assert [row.names for row in found.retained(clean=True)] == [named]
+
+
+def test_a_general_form_gives_way_to_the_formula_that_it_becomes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Catches a current that is named with a shear of zero, since the lag was added to the sheared one alone."""
+    effects = [SimpleNamespace(name="lag", limits=()), SimpleNamespace(name="shear", limits=("current",))]
+    general: Any = SimpleNamespace(names=("lag", "shear"), effects=effects)
+    asked = []
+
+    def extended(bases: Any, _evidence: Any, _known: Any, _whole: float, shortlist: Any) -> dict[Names, _Set]:
+        after = SimpleNamespace(candidates=[SimpleNamespace(name="current"), SimpleNamespace(name="drag")])
+        asked.append(([base.names for base in bases], [effect.name for effect in shortlist(after)]))
+        return {("current", "lag"): _Set(("current", "lag"))}
+
+    monkeypatch.setattr(module, "_extended", extended)
+    rest: Any = {("lag",): _Set(("lag",))}
+    evidence: Any = None
+    assert [*module._narrower([general], evidence, rest, 1.0)] == [("current", "lag")]
+    assert asked == [([("lag",)], ["current"])]
+    assert module._narrower([general], evidence, {}, 1.0) == {}
 
 
 def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatch: pytest.MonkeyPatch) -> None:
