@@ -290,11 +290,17 @@ class Trial:
         return self.from_rest or (self.joint_angle is None and (self.wave is None or self.wave.ramp > 0.0))
 
     @property
+    def first_velocity(self) -> FloatArray:
+        """Velocity (3,) at the first sample: zero at rest, else as measured, NaN where it was not."""
+        return np.zeros(len(CHANNELS)) if self.starts_at_rest else self.velocity[0]
+
+    @property
     def free_start(self) -> bool:
         """Whether the velocity at the start is fitted: of a trial that is under way, or whose joints were measured.
 
-        Of a fish at rest, the rate of a measured joint has an error at the first sample, where no earlier one helps.
-        The simulated joint begins with it and the simulated head without its recoil: a momentum that is not there.
+        The rate of a measured joint has a large error at the first sample, for no earlier one helps to smooth it. A
+        simulated fish whose joints begin with that rate and whose head begins at rest has a momentum that the real one
+        has not.
         """
         return not self.starts_at_rest or self.joints_measured
 

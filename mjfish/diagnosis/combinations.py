@@ -108,13 +108,11 @@ def _searched(
             known.update(found := grown(bases, evidence, known, whole))
             earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
             if earned:
-                best = compared(earned, goodness)
-                sufficient = [earned[row.names] for row in best.staying() if row.clean()]
+                best, sufficient = _judged(earned, goodness)
                 if narrower := _narrower(sufficient, evidence, known, whole):
                     known.update(narrower)
                     earned.update({names: refit for names, refit in narrower.items() if pays(refit, known)})
-                    best = compared(earned, goodness)
-                    sufficient = [earned[row.names] for row in best.staying() if row.clean()]
+                    best, sufficient = _judged(earned, goodness)
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
                 if not sufficient and grown is _grown and any(row.leaves_little() for row in best.staying()):
                     return best
@@ -192,17 +190,26 @@ def _grown_by_unscored(
     return _extended(bases[:1], evidence, known, whole, _unscored_additions)
 
 
+def _judged(earned: Mapping[Names, Refit], goodness: Goodness) -> tuple[Comparison, list[Refit]]:
+    """Compare sets, and return with that those which leave nothing."""
+    best = compared(earned, goodness)
+    return best, [earned[row.names] for row in best.staying() if row.clean()]
+
+
 def _narrower(
     sufficient: Sequence[Refit], evidence: Callable[[Refit], Evidence], known: Mapping[Names, Refit], whole: float
 ) -> dict[Names, Refit]:
-    """Put the formulas that a general form becomes in its place; the others may all have been added to that form."""
+    """Refit sets that have a general form with each formula that this form becomes, in its place.
+
+    The search may have added the other causes to the general form alone.
+    """
     found: dict[Names, Refit] = {}
     for refit in sufficient:
         for effect in refit.effects:
             rest = _less(refit, effect.name)
             if effect.limits and rest in known:
-                ends = partial(_named, effect.limits)
-                found |= _extended([known[rest]], evidence, {**known, **found}, whole, ends)
+                formulas = partial(_named, effect.limits)
+                found |= _extended([known[rest]], evidence, {**known, **found}, whole, formulas)
     return found
 
 

@@ -15,7 +15,6 @@ from mjfish.parameters import Parameter
 #: Parts of each half step of the drive, in which the play is straight.
 _PARTS = 2
 
-
 _PLAY = Parameter("servo_backlash.joint", "rad", 0.0, 0.0, 0.3, 0.02, 0.02, about="width of the gap of joint")
 _CONTACT = Parameter(
     "servo_backlash.contact", "s", 0.003, 0.0002, 0.02, 0.003, 0.002, about="how long a flank gives", shape=True

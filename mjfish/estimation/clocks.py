@@ -122,7 +122,7 @@ def _aligned(model: Model, trial: Trial) -> Trial:
             "where the clock of a wave is free, for its phase shows in them; add it, or give the wave the clock of the "
             "recording (free = false)"
         )
-    start = None if trial.starts_at_rest else np.nan_to_num(seen.velocity[0])
+    start = np.nan_to_num(seen.first_velocity)
     measured = seen.velocity[:, swinging] - seen.velocity[:, swinging].mean(axis=0)
     faster = beat(seen)
     trial = trial if faster is None else trial.waved(faster - trial.wave.frequency, 0.0)

@@ -165,7 +165,7 @@ class JointErrors:
         """Return h (n, 3, modes) of a trial, all samples; of one that was not fitted, from its first velocity on."""
         if trial.name not in self._cache:
             first = {
-                f"{trial.name}:start.{name}": float(v) for name, v in zip(CHANNELS, trial.velocity[0], strict=True)
+                f"{trial.name}:start.{name}": float(v) for name, v in zip(CHANNELS, trial.first_velocity, strict=True)
             }
             self._cache[trial.name] = readonly(_loadings(self.problem, trial, {**first, **self.values}))
         return self._cache[trial.name]

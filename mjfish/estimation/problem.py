@@ -645,8 +645,7 @@ def nuisances(trial: Trial, free_clock: bool, walk: float = 0.0) -> tuple[Parame
     """
     declared = []
     if trial.free_start:
-        begun = np.zeros(len(CHANNELS)) if trial.starts_at_rest else trial.velocity[0]
-        rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, begun, strict=True)
+        rows = zip(CHANNELS, _START_SCALE, _START_RANGE, _START_SD, trial.first_velocity, strict=True)
         for channel, scale, reach, sd, measured in rows:
             centre = float(np.nan_to_num(measured))
             own = _at_start(f"{trial.name}:start.{channel}", UNITS[channel], centre, reach, scale)

@@ -77,8 +77,8 @@ def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -
     sets = [declared] if declared == starts else [declared, starts]
     sizes, correlations = dict[str, FloatArray](), dict[str, FloatArray]()
     for trial in trials:
-        start, blank = None if trial.starts_at_rest else trial.velocity[0], replace(trial, pose=None)
-        every = (shifted(model, blank, values, _CLOCK_SHIFTS, velocity=start) for values in sets)
+        blank = replace(trial, pose=None)
+        every = (shifted(model, blank, values, _CLOCK_SHIFTS, velocity=trial.first_velocity) for values in sets)
         guesses = [guess for guess in every if guess is not None]
         if not guesses:
             continue

@@ -20,7 +20,6 @@ from mjfish.noise.sample import NoiseSample, remaining_power
 from mjfish.noise.spectral import (
     DifferentiationNoise,
     GaussMarkov,
-    ProcessNoise,
     differentiation_noise,
     gauss_markov,
     longest,
@@ -147,7 +146,10 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
     likelihood = {model: left.log_likelihood(model) for model in models}
     best = max(models[:-1], key=lambda model: likelihood[model])
     if likelihood[forces] > likelihood[best] + _LIKELIER:
-        return forces, f"{_pushed(forces)}; the innovations form of the fit is used"
+        return forces, (
+            f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish, sigma of the camera "
+            f"{_three(forces.sigma)}; the innovations form of the fit is used"
+        )
     if isinstance(best, DifferentiationNoise):
         best = sharpened(best, left)
         return best, f"of positions differentiated over {best.window} samples; sigma {_three(best.sigma)}"
@@ -156,13 +158,6 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
         words = f"a drift of {_three(best.drift)} over {_three(best.time)} s under white noise of {_three(best.sigma)}"
         return best, words + (slow if np.any(best.time > 0.99 * longest(left)) else "")
     return found, _described(found)
-
-
-def _pushed(forces: ProcessNoise) -> str:
-    return (
-        f"random accelerations {_three(forces.push)} over {forces.time:g} s push the fish, sigma of the camera "
-        f"{_three(forces.sigma)}"
-    )
 
 
 def _three(values: FloatArray) -> str:

@@ -314,16 +314,16 @@ def caption_of(stretch: Stretch, instants: Sequence[float] | None = None) -> Cap
         bearer = next(figure.words for figure in drawing.figures if figure.arrows)
         on = f" on the fish {bearer}" if len(drawing.figures) > 1 else ""
         shown.append(f"forces{on}, 1 N is {100.0 * drawing.scale:.3g} cm")
-        if _longest(stretch) > LONG * drawing.length:
+        if _cut(stretch):
             shown.append(f"cut at {100.0 * LONG * drawing.length:.0f} cm")
     return Caption(title, tuple(legend), tuple(shown))
 
 
-def _longest(stretch: Stretch) -> float:
-    """Return the length of the longest arrow in a stretch [m]."""
+def _cut(stretch: Stretch) -> bool:
+    """Return whether an arrow is longer than what is drawn of it."""
     arrows = ((figure.time, vectors) for figure in stretch.drawing.figures for _, vectors in figure.arrows.values())
     within = (vectors[(time >= stretch.start) & (time <= stretch.end)] for time, vectors in arrows)
-    return max(float(np.nanmax(np.linalg.norm(vectors, axis=2), initial=0.0)) for vectors in within)
+    return any(np.any(np.linalg.norm(vectors, axis=2) > LONG * stretch.drawing.length) for vectors in within)
 
 
 def captioned(picture: NDArray[np.uint8], caption: Caption, time: float | None = None) -> Image.Image:
