@@ -10,7 +10,7 @@ the data cannot tell apart are all kept (the lower boundary of [Ferrari2015]).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
@@ -40,11 +40,12 @@ MENDED = 200.0
 
 
 def find_combinations(
-    singles: Mapping[Names, Refit],
-    candidates: Sequence[Effect],
-    held_out: HeldOut,
+    refits: Mapping[Names, Refit],
+    evidence: Callable[[Refit], Evidence],
+    goodness: Goodness,
     *,
     small: bool = False,
+    formulas: bool = False,
 ) -> Found:
     """Find the smallest combinations of two or three causes that explain the misfit better than all smaller ones.
 
@@ -54,20 +55,21 @@ def find_combinations(
     left, less than the second cause explains, if the held-out trials gain by it what they would if it were true.
 
     Args:
-        singles: refits of single causes.
-        candidates: every cause.
-        held_out: what refits predict of the held-out trials.
+        refits: of single causes, and of the sets that were looked at before.
+        evidence: returns that for further causes beside a refit, see `beside`.
+        goodness: tests what sets leave.
         small: whether a single cause leaves next to nothing; pairs alone are looked for then.
+        formulas: whether to look for pairs of formulas alone.
 
     Returns:
-        The sets, compared, and all refits that were made; None in place of the sets where no second cause is to be
-        seen, or no set has earned all its members, or a small one leaves something.
+        The sets, compared, and all refits; None in place of the sets where no second cause is to be seen, or no set
+        has earned all its members, or a small one leaves something.
     """
-    known = dict(singles)
-    found = _searched(known, candidates, held_out, small)
+    known = dict(refits)
+    found = _searched(known, evidence, goodness, small=small, formulas=formulas)
     if found is None:
         return None, known
-    found = _confirmed(found, known, held_out)
+    found = _confirmed(found, known, goodness.held_out)
     if small:
         kept = (row for row in found.staying() if row.clean() or _borne_out(row, known))
         found = Comparison({row.names: row for row in kept})
@@ -88,37 +90,37 @@ def _borne_out(row: Row, known: Mapping[Names, Refit]) -> bool:
 
 def _searched(
     known: dict[Names, Refit],
-    candidates: Sequence[Effect],
-    held_out: HeldOut,
+    evidence: Callable[[Refit], Evidence],
+    goodness: Goodness,
+    *,
     small: bool,
+    formulas: bool,
 ) -> Comparison | None:
     """Return the sets, not yet confirmed on the held-out trials; what was refitted is added to `known`."""
-    most = max((refit.gain for refit in known.values()), default=0.0)
-    bases = _best(refit for refit in known.values() if not small or refit.gain >= (1.0 - share_of(refit)) * most)
+    singles = [refit for names, refit in known.items() if len(names) == 1]
+    most = max((refit.gain for refit in singles), default=0.0)
+    bases = _best(refit for refit in singles if not small or refit.gain >= (1.0 - share_of(refit)) * most)
     best: Comparison | None = None
-    goodness = Goodness([effect for effect in candidates if not effect.learned], held_out)  # by their joint score
-    evidence = cache(partial(_beside, candidates))
-    pays = partial(beats_smaller_sets, small=small)
-    for size in (2,) if small else range(2, LARGEST + 1):
+    # formulas first: where they leave nothing, a learned form explains no more, and takes ten times as long
+    rounds = (partial(_grown, learned=False), _grown_by_unscored, _grown)[: 2 if formulas else 3]
+    for size in (2,) if small or formulas else range(2, LARGEST + 1):
         execution().meter.stage(f"looking for {size} causes at once", {2: 0.8}.get(size, 0.95))
         earned: dict[Names, Refit] = {}
         whole = max((base.gain + evidence(base).saturated_excess() for base in bases), default=0.0)
-        # formulas first: where they leave nothing, a learned form explains no more, and takes ten times as long
-        for grown in (partial(_grown, learned=False), _grown_by_unscored, _grown):
-            known.update(found := grown(bases, evidence, known, whole))
-            earned.update({names: refit for names, refit in found.items() if pays(refit, known)})
-            if earned:
+        for grown in rounds:
+            known.update(grown(bases, evidence, known, whole))
+            if earned := _of_size(size, known, small=small):
                 best, sufficient = _judged(earned, goodness)
                 if narrower := _narrower(sufficient, evidence, known, whole):
                     known.update(narrower)
-                    earned.update({names: refit for names, refit in narrower.items() if pays(refit, known)})
+                    earned = _of_size(size, known, small=small)
                     best, sufficient = _judged(earned, goodness)
                 # unlike `Comparison.exhausted`, this asks neither whether they fit nor what held-out trials say
                 if not sufficient and grown is _grown and any(row.leaves_little() for row in best.staying()):
                     return best
                 if sufficient:
                     known.update(parts := _parts(sufficient, known))
-                    if all(pays(refit, known) for refit in sufficient):
+                    if all(beats_smaller_sets(refit, known, small=small) for refit in sufficient):
                         return best
                     return compared({**_of_size(size - 1, known), **parts}, goodness)
         if (
@@ -131,7 +133,7 @@ def _searched(
     return best
 
 
-def _beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
+def beside(candidates: Sequence[Effect], base: Refit) -> Evidence:
     """Return the evidence for further causes beside a refit: of other mechanisms, and one learned form at most."""
     learnable = {effect.mechanism for effect in candidates if effect.learned}
     taken = learnable.intersection(base.mechanisms)  # two forms of one mechanism are one cause
@@ -314,9 +316,9 @@ def _parts(sufficient: Sequence[Refit], known: Mapping[Names, Refit]) -> dict[Na
     return found
 
 
-def _of_size(size: int, known: Mapping[Names, Refit]) -> dict[Names, Refit]:
+def _of_size(size: int, known: Mapping[Names, Refit], *, small: bool = False) -> dict[Names, Refit]:
     """Return the sets of this size that have earned all their members."""
-    return {names: refit for names, refit in known.items() if len(names) == size and beats_smaller_sets(refit, known)}
+    return {n: own for n, own in known.items() if len(n) == size and beats_smaller_sets(own, known, small=small)}
 
 
 def beats_smaller_sets(refit: Refit, known: Mapping[Names, Refit], *, small: bool = False) -> bool:

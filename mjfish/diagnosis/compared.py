@@ -20,15 +20,15 @@ evidence. A finding whose correction explains no more than chance does blocks no
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.combinations import converged_refit, find_combinations
+from mjfish.diagnosis.combinations import Found, beside, converged_refit, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
@@ -39,7 +39,6 @@ from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.servo_delay import servo_delays
 from mjfish.diagnosis.table import Comparison, Estimate, Names, Row, Table, estimates
 from mjfish.diagnosis.thresholds import THRESHOLDS
-from mjfish.effects import Effect
 from mjfish.effects.clock_wander import ClockWander
 from mjfish.estimation import Fit, Noise, fit
 from mjfish.estimation.clocks import aligned
@@ -114,13 +113,22 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     if table.blocks:  # whatever else is found, no verdict is given
         return Compared(replace(table, single=single), refits)
     settled = {row.mechanisms[0] for row in single.settled()}
-    learned = refit_learned_forms(screening.evidence, begun.learnable, settled, screening.refits)
+    evidence = cache(partial(beside, (*begun.applicable, *begun.learnable)))
+    odd: int | None = None
+    sets: Found = (None, refits)
+    if not settled:  # pairs of formulas take less time than learned forms and lower minima, and may leave neither any
+        odd = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
+        if odd is None:
+            pairs = partial(find_combinations, refits, evidence, goodness, formulas=True)
+            sets = begun.parts.run("the combinations", pairs, sets)
+    sufficient = [sets[1][row.names] for row in (sets[0] or Comparison()).retained(clean=True)]
+    learned = refit_learned_forms(screening.evidence, begun.learnable, settled, screening.refits, sufficient)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}
         refits |= _caught_up(refits)
         learned = {name: refits[name,] for name in learned}
         single = _singles(refits, goodness, held_out)
-    if not single.settled():
+    if not (sufficient or single.settled()):
         leaders = sorted((refit for refit in refits.values() if not refit.learned), key=lambda refit: -refit.adjusted)
         lower = [refit for refit in followed(lowest, leaders[:_LEADERS]) if refit.gain > refits[refit.names].gain]
         if lower:
@@ -129,15 +137,16 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     table = replace(table, single=single)
     if single.retained(clean=True):
         return Compared(table, refits, learned)
-    odd: int | None = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
-    found: tuple[Comparison | None, Mapping[Names, Refit]] = (None, {})
-    if odd is None:
-        every = (*begun.applicable, *begun.learnable)
-        found = begun.parts.run("the combinations", lambda: _combined(single, refits, every, held_out), found)
+    if not sufficient:
+        if settled:
+            odd = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
+        if odd is None:
+            every = {**sets[1], **refits}
+            sets = begun.parts.run("the combinations", lambda: _combined(single, every, evidence, goodness), sets)
     if failed := {row.names for row in single.failed()}:
         others = _singles({names: refit for names, refit in refits.items() if names not in failed}, goodness, held_out)
         table = replace(table, others=others)
-    return Compared(replace(table, several=found[0]), {**refits, **found[1]}, learned, odd)
+    return Compared(replace(table, several=sets[0]), {**sets[1], **refits}, learned, odd)
 
 
 def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:
@@ -154,24 +163,18 @@ def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOu
 
 
 def _combined(
-    single: Comparison,
-    refits: Mapping[Names, Refit],
-    candidates: Sequence[Effect],
-    held_out: HeldOut,
-) -> tuple[Comparison | None, Mapping[Names, Refit]]:
-    """Compare combinations of causes, and return their refits; None where no second cause is seen.
+    single: Comparison, refits: Mapping[Names, Refit], evidence: Callable[[Refit], Evidence], goodness: Goodness
+) -> Found:
+    """Compare combinations of causes, and return all refits; None where no second cause is seen.
 
     Where all that stay have a learned form and fail on the held-out trials, those of formulas alone are compared.
     """
-    found, own = find_combinations(refits, candidates, held_out, small=single.exhausted())
-    if found is None:
-        return None, {}
-    formulas = {names: refit for names, refit in refits.items() if not refit.learned}
-    if all(row.learned and row.fails() for row in found.staying()) and len(formulas) < len(refits):
-        plain = [effect for effect in candidates if not effect.learned]
-        again = _combined(single, formulas, plain, held_out)
-        return (found, own) if again[0] is None else again
-    return found, own
+    found, known = find_combinations(refits, evidence, goodness, small=single.exhausted())
+    if found is not None and all(row.learned and row.fails() for row in found.staying()):
+        formulas = {names: refit for names, refit in known.items() if not refit.learned}
+        again, more = find_combinations(formulas, evidence, goodness, small=single.exhausted(), formulas=True)
+        return (found if again is None else again), {**known, **more}
+    return found, known
 
 
 def random_causes(evidence: Evidence, p_wrong: float) -> tuple[Row, ...]:

@@ -91,7 +91,11 @@ def form_in_words(formulas: Sequence[str], *, claimed: bool = False) -> str:
 
 
 def refit_learned_forms(
-    evidence: Evidence, learned: Sequence[Effect], settled: Iterable[str], refits: Mapping[str, Refit]
+    evidence: Evidence,
+    learned: Sequence[Effect],
+    settled: Iterable[str],
+    refits: Mapping[str, Refit],
+    sufficient: Sequence[Refit] = (),
 ) -> dict[str, Refit]:
     """Fit the learned forms of mechanisms that are promising together with the coefficients, by name of the cause.
 
@@ -101,48 +105,44 @@ def refit_learned_forms(
         settled: mechanisms of which a formula leaves nothing, or next to nothing: their learned forms are fitted, and
             those near them.
         refits: of formulas, by name.
+        sufficient: pairs of formulas that leave nothing: learned forms near them are fitted.
     """
     if not learned:
         return {}
-    known = set(settled)
-    share = _NEAR if known else _PROMISING
+    known, most = set(settled), max((refit.gain for refit in (*refits.values(), *sufficient)), default=0.0)
+    near, share = (True, _NEAR) if known or sufficient else (False, _PROMISING)
     scored = gather(evidence.problem, evidence.fit, learned)
-    times = _TIMES if known else np.inf
-    seen = [
-        effect for effect in learned if effect.mechanism in known or promising(effect, scored, refits, share, times)
+    own = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in learned]
+    worth = [
+        effect.mechanism in known or _promised(effect, scored, formulas, near=near) >= share * most
+        for effect, formulas in zip(learned, own, strict=True)
     ]
-
-    formulas = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in seen]
+    seen, formulas = ([each for each, chosen in zip(every, worth, strict=True) if chosen] for every in (learned, own))
     coarse = [*extended(refit_with, seen, scored, formulas)]
 
     def reach(refit: Refit) -> float:
         """Return the gain that no other refit may exceed if this one is to be followed."""
         if known:
             return refit.gain / (_RUNNING if refit.mechanisms[0] in known else _RIVAL)
-        return (refit.gain + refit.promise) / _RUNNING
+        return (refit.gain + refit.promise) / (_RIVAL if near else _RUNNING)
 
     made: list[Refit] = []
     ranked = sorted(coarse, key=reach, reverse=True)
     for some in (ranked[:1], ranked[1:]):  # the most promising one tells whether the others come near it
-        best = max((refit.gain for refit in [*refits.values(), *coarse, *made]), default=0.0)
+        best = max([most, *(refit.gain for refit in (*coarse, *made))])
         running = [refit for refit in some if reach(refit) >= best]
         made += followed(partial(converged_learned_form, best=evidence.fit.sse - best), running)
     return {refit.names[0]: refit for refit in made}
 
 
-def promising(
-    effect: Effect, evidence: Evidence, refits: Mapping[str, Refit], share: float = _PROMISING, times: float = np.inf
-) -> bool:
-    """Return whether a learned form may explain this share of the best refit.
+def _promised(effect: Effect, evidence: Evidence, formulas: Sequence[Refit], *, near: bool) -> float:
+    """Return what a learned form may explain, as its score or the best formula of its mechanism says.
 
-    As its score says, at most so many times what the best formula of its mechanism explains; or as that formula does.
+    Where something leaves nothing, that is at most so many times what the best formula of its mechanism explains.
     """
-    best = max((refit.gain for refit in refits.values()), default=0.0)
-    formulas = [refit.gain for refit in refits.values() if effect.mechanism in refit.mechanisms]
+    most = max((refit.gain for refit in formulas), default=0.0)
     score = evidence.statistic(effect.name) if effect.smooth and evidence.scored(effect.name) else 0.0
-    if formulas:
-        score = min(score, times * max(formulas))
-    return max([score, *formulas]) >= share * best
+    return max(most, min(score, _TIMES * most) if near and formulas else score)
 
 
 def staying(formulas: Sequence[Refit], learned: Refit | None) -> tuple[Refit, ...]:

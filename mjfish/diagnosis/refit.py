@@ -172,8 +172,6 @@ _BEHIND = 0.01
 _MOST = 40
 #: Mean square of a residual above which a fit is far off.
 _FAR = 10.0
-#: Evaluations of a fit from the declared coefficients; it goes on if its sum is below so many times the first fit's.
-_TRY, _HOPE = 6, 1.2
 #: Shares of every run that a fit goes by, one after the other, to leave a wrong minimum, and the tolerance there.
 _STRETCHES, _ROUGH = (1.0 / 16.0, 1.0 / 8.0, 1.0 / 4.0), 1e-4
 #: Sum of squares that the best start of a cause which is not smooth must take, or its fit is not followed.
@@ -385,9 +383,7 @@ def _taken_on(evidence: Evidence, refit: Refit) -> Refit:
 
 
 def converged_formula(refit: Refit, best: float) -> Refit:
-    """Follow a refit to its optimum. Where no single cause fits, fit it again from the declared coefficients.
-
-    A large effect biases the coefficients of the nominal model, and from there the optimum may be out of reach.
+    """Follow a refit to its optimum.
 
     Args:
         refit: a coarse one.
@@ -396,27 +392,7 @@ def converged_formula(refit: Refit, best: float) -> Refit:
     result = refit.fit
     if result.status != "converged":
         result = converge(refit.problem, result.x, result.sse, best)
-    if len(refit.effects) == 1 and min(best, result.sse) > _MISFIT * result.count:
-        result = _restarted(refit, result, best)
     return _resolved(refit.moved(result), best)
-
-
-def _restarted(refit: Refit, found: Fit, best: float) -> Fit:
-    """Return the better of a fit and a second one, which begins at the declared coefficients.
-
-    A shape that rests on a bound begins at its declared value, too: the coefficients may have led it there. The second
-    one is followed to its optimum if it comes near the first.
-    """
-    names = {p.name for effect in refit.effects for p in effect.parameters}
-    own = {
-        p.name: found.values[p.name]
-        for p, rests in zip(found.parameters, found.at_bound, strict=True)
-        if p.name in names and not (p.shape and rests)
-    }
-    tried = fit_or_raise(refit.problem, refit.problem.start(own), tolerance=TOLERANCE, evaluations=_TRY)
-    if tried.objective < _HOPE * found.objective and tried.status != "converged":
-        tried = converge(refit.problem, tried.x, tried.sse, best)
-    return min(found, tried, key=lambda each: each.objective)
 
 
 def lowest(refit: Refit) -> Refit:

@@ -130,9 +130,10 @@ def _screened_sensors(
     if seen.p_wrong >= THRESHOLDS.alarm:
         return Screening(seen.evidence, {}, seen.p_wrong, directed=False)
     refitted = _begun(seen.evidence, candidates, seen.refits)
-    if refitted:  # along the rollouts of the best model, for those of a wrong one are not where the fish was
-        best = leader(refitted)
-        problem = having_noise_of(problem, with_sensor_noise(best.problem, best.fit.x))
+    best = leader(refitted) if refitted else None
+    # along the rollouts of the best model, for those of a wrong one are not where the fish was
+    if best and not _alike(best.problem, known := with_sensor_noise(best.problem, best.fit.x), best.fit):
+        problem = having_noise_of(problem, known)
         begun = float(np.sum(problem.residual(baseline.x) ** 2))
         baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
         slopes = _signatures(problem, baseline.values, candidates)
@@ -316,5 +317,10 @@ class _NominalTest:
 
 def _same(problem: Problem, fitted: Fit, noise: Noise) -> bool:
     """Return whether a noise weighs what a fit leaves of velocities nearly as that of the problem does."""
-    one, other = (replace(problem, noise=each).residual(fitted.x)[: problem.samples] for each in (problem.noise, noise))
-    return bool(np.linalg.norm(one - other) <= _SAME * np.linalg.norm(one))
+    return _alike(problem, replace(problem, noise=noise), fitted, problem.samples)
+
+
+def _alike(one: Problem, other: Problem, fitted: Fit, rows: int | None = None) -> bool:
+    """Return whether two problems weigh the first rows of what a fit leaves, None: all, nearly alike."""
+    here, there = (problem.residual(fitted.x)[:rows] for problem in (one, other))
+    return bool(np.linalg.norm(here - there) <= _SAME * np.linalg.norm(here))

@@ -15,6 +15,7 @@ from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.refit import refit_with
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.select import Goodness
 from mjfish.diagnosis.table import Comparison, Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -24,6 +25,7 @@ from mjfish.simulation.synthetic import generate
 
 Names = tuple[str, ...]
 SIGMA = np.array([0.006, 0.006, 0.05])
+UNTESTED = Goodness((), HeldOut(None, ()))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ GAINS = {
 }
 
 
-def _all_else(_candidates: Any, base: _Set) -> Any:
+def _all_else(base: Any) -> Any:
     """Return evidence by which all that the best set explains beyond a base is seen beside it."""
     return SimpleNamespace(saturated_excess=lambda: GAINS["drag", "stiff", "wake"] - base.gain)
 
@@ -110,11 +112,10 @@ def test_a_member_that_a_later_one_makes_redundant_is_dropped(
         return Comparison(rows)
 
     monkeypatch.setattr(module, "_extended", extended)
-    monkeypatch.setattr(module, "_beside", _all_else)
     monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
     monkeypatch.setattr(module, "compared", compared)
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    found, _ = find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
+    found, _ = find_combinations(singles, _all_else, UNTESTED)
     assert found is not None
     assert [row.names for row in found.retained(clean=True)] == [named]
 
@@ -147,12 +148,11 @@ def test_no_third_cause_is_looked_for_where_the_best_pair_leaves_most(monkeypatc
         return {("drag", "stiff"): _Set(("drag", "stiff"), 489.0, gains=GAINS)}
 
     monkeypatch.setattr(module, "_extended", extended)
-    monkeypatch.setattr(module, "_beside", _all_else)
     monkeypatch.setattr(
         module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, 0.0, 0.35) for n, one in sets.items()})
     )
     singles: Any = {("drag",): _Set(("drag",), 425.0, gains=GAINS)}
-    found, _ = find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
+    found, _ = find_combinations(singles, _all_else, UNTESTED)
     assert found is not None
     assert set(sizes) == {2}
 
@@ -245,13 +245,12 @@ def test_no_learned_form_is_asked_for_where_two_formulas_leave_nothing(
         return {("drag", "wake"): _Set(("drag", "wake"), 593.0, gains=gains)}
 
     monkeypatch.setattr(module, "_extended", extended)
-    monkeypatch.setattr(module, "_beside", _all_else)
     monkeypatch.setattr(module, "followed", lambda make, refits, _names=None: map(make, refits))
     monkeypatch.setattr(
         module, "compared", lambda sets, *_: Comparison({n: one.row(0.0, fit_p, 0.5) for n, one in sets.items()})
     )
     singles: Any = {(name,): _Set((name,), gains[(name,)], gains=gains) for name in ("drag", "wake")}
-    find_combinations(singles, (), HeldOut(None, ()))  # type: ignore[arg-type]
+    find_combinations(singles, _all_else, UNTESTED)
     assert [*dict.fromkeys(seen)] == asked
 
 
@@ -310,5 +309,5 @@ def test_a_set_has_one_learned_form_at_most() -> None:
     learned = refit_with(gather(problem, nominal, [lift]), lift)
     plain = refit_with(gather(problem, nominal, [linear]), linear)
     candidates = [lift, drag, linear]
-    assert [effect.name for effect in module._beside(candidates, learned).candidates] == ["linear_drag"]
-    assert [effect.name for effect in module._beside(candidates, plain).candidates] == ["lift"]
+    assert [effect.name for effect in module.beside(candidates, learned).candidates] == ["linear_drag"]
+    assert [effect.name for effect in module.beside(candidates, plain).candidates] == ["lift"]

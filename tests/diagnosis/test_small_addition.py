@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mjfish.diagnosis.combinations import MENDED, _borne_out, beats_smaller_sets, find_combinations
+from mjfish.diagnosis.combinations import MENDED, Found, _borne_out, beats_smaller_sets, beside, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
 from mjfish.diagnosis.refit import converged_formula, refit_with
 from mjfish.diagnosis.refit_result import Refit
+from mjfish.diagnosis.select import Goodness
 from mjfish.diagnosis.table import Row
 from mjfish.effects import find
 from mjfish.estimation import Noise, Problem, fit
@@ -37,11 +39,17 @@ def _with_offset(kappa: float, scale: float = 0.0) -> tuple[Evidence, Refit]:
     return nominal, converged_formula(alone, alone.fit.sse)
 
 
+def _second(nominal: Evidence, alone: Refit) -> Found:
+    """Return the pairs of a clock offset and a small second cause."""
+    evidence, goodness = partial(beside, CANDIDATES), Goodness(CANDIDATES, HeldOut(nominal, ()))
+    return find_combinations({("time_offset",): alone}, evidence, goodness, small=True)
+
+
 @pytest.mark.parametrize(("kappa", "scale", "found"), [(1.0, 0.0, True), (0.0, 0.0, False), (0.0, 0.03, False)])
 def test_only_what_mends_everything_is_added(kappa: float, scale: float, found: bool) -> None:
     """Nothing left, a second cause, or something else: only the second is a pair."""
     nominal, alone = _with_offset(kappa, scale)
-    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
+    pairs, refits = _second(nominal, alone)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [row.names for row in pairs.retained(clean=True)] == [("munk_moment", "time_offset")]
@@ -52,7 +60,7 @@ def test_a_pair_must_explain_more_than_every_single_cause() -> None:
     """A learned form of the first that explains as much makes the second superfluous."""
     nominal, alone = _with_offset(1.0)
     singles = {("time_offset",): alone}
-    _, refits = find_combinations(singles, CANDIDATES, HeldOut(nominal, ()), small=True)
+    _, refits = _second(nominal, alone)
     pair = refits["munk_moment", "time_offset"]
     for more, pays in ((-2.0 * MENDED, True), (0.5 * MENDED, False)):
         other = replace(alone, effects=(find("marker_offset"),), gain=pair.gain + more)
@@ -71,7 +79,7 @@ def test_beside_a_learned_form_something_may_be_left_if_held_out_trials_agree(
     told = None if probability is None else Confirmation(30.0, probability)
     monkeypatch.setattr(Refit, "learned", property(lambda _refit: learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: told)
-    pairs, _ = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
+    pairs, _ = _second(nominal, alone)
     assert (pairs is not None) is found
     if pairs is not None:
         assert [*pairs.rows] == [("munk_moment", "time_offset")]
@@ -98,7 +106,7 @@ def test_beside_a_formula_a_small_learned_form_must_mend_everything(
     monkeypatch.setattr(type(find("munk_moment")), "learned", last_learned)
     monkeypatch.setattr(Refit, "learned", property(lambda refit: len(refit.names) > 1 or not last_learned))
     monkeypatch.setattr(HeldOut, "confirmed", lambda *_: Confirmation(30.0, 0.2))
-    pairs, refits = find_combinations({("time_offset",): alone}, CANDIDATES, HeldOut(nominal, ()), small=True)
+    pairs, refits = _second(nominal, alone)
     assert refits["munk_moment", "time_offset"].gain - alone.gain > MENDED
     assert (pairs is None) is last_learned
 
