@@ -448,7 +448,7 @@ def converge(problem: Problem, x: FloatArray, sse: float, best: float) -> Fit:
 
 #: Sizes of the one-step estimate, and of an amplitude's scale, that a refit starts from.
 _MULTIPLES = (0.3, 1.0, 3.0)
-#: And of the scale of a cause that is not smooth at its null.
+#: And of the scale of a cause that is not smooth at its null: an optimum in another minimum is out of a fit's reach.
 _GRID = (0.1, 0.2, 0.6, 1.25, 1.5, 1.75, 2.0, 2.5)
 #: Change of the sum of squares from which on a size is felt, and how closely the least such is found.
 _FELT, _HALVINGS = 0.5, 8
@@ -605,10 +605,10 @@ def guesses(effect: Effect, one_step: Mapping[str, float]) -> list[dict[str, flo
     found = [
         {p.name: p.default + multiple * (one_step[p.name] - p.default) for p in amplitudes} for multiple in _MULTIPLES
     ]
-    found += _multiples_of_scale(effect, one_step, _MULTIPLES)
-    if not effect.smooth:  # an optimum in another minimum is out of a fit's reach
+    found += _multiples_of_scale(effect, one_step, _MULTIPLES if effect.smooth else (*_GRID, *_MULTIPLES[1:]))
+    if not effect.smooth and len(amplitudes) > 1:  # one joint may be worn alone
         null = {p.name: p.default for p in amplitudes}
-        found += [{**null, p.name: p.default + share * p.scale} for p in amplitudes for share in _GRID]
+        found += [{**null, p.name: p.default + by * p.scale} for p in amplitudes for by in _MULTIPLES]
     if effect.starts_off_null():
         found += [{p.name: p.default + share * (p.start - p.default) for p in amplitudes} for share in (1.0, 2.0)]
     return [_inside(effect, guess) for guess in found]

@@ -279,6 +279,46 @@ class Effect(ABC):
             raise ParameterError(f"effect {cls.__name__}: {complaint}")
 
 
+class PictureForm(Effect):
+    """What causes that bend the picture of the camera have in common: they move places, and turn headings with them.
+
+    Velocities that somebody made of such places have no place to be corrected at.
+    """
+
+    domain: ClassVar[Domain] = "data"
+
+    def not_applicable(self, dataset: Dataset) -> str:
+        """A picture has places."""
+        seen = any(sensor.kind == "position" for trial in dataset.trials for sensor in trial.sensors)
+        return "" if seen else "no place was measured, which a bent picture would move"
+
+    def cannot_act(self, trial: Trial) -> str:
+        """It moves what sensors of places read."""
+        seen = any(sensor.kind == "position" for sensor in trial.sensors)
+        return "" if seen else "it has no sensor of a place, which a bent picture would move"
+
+    def camera(
+        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
+    ) -> tuple[FloatArray, FloatArray]:
+        """Move the places, and turn the headings with the picture."""
+        del time, trial
+        centre = np.array([values["x"], values["y"]])
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        away, seen = self.picture(place - centre, ahead, values)
+        turned = np.arctan2(ahead[:, 0] * seen[:, 1] - ahead[:, 1] * seen[:, 0], np.sum(ahead * seen, axis=1))
+        return centre + away, heading + turned
+
+    def picture(self, away: FloatArray, ahead: FloatArray, values: Values) -> tuple[FloatArray, FloatArray]:
+        """Return where the picture has places (n, 2), and the directions (n, 2) of short lines there, of any length.
+
+        Args:
+            away: (n, 2) true places, from the point c of the parameters x and y [m].
+            ahead: (n, 2) true directions.
+            values: of the parameters, by short name.
+        """
+        raise NotImplementedError
+
+
 class ServoForm(Effect):
     """What the forms of the mechanism ``servo_dynamics`` have in common: the joints follow their command late."""
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from mjfish.data import Dataset, Trial
-from mjfish.effects.effect import Effect, Fingerprint, Values
+from mjfish.effects.effect import Fingerprint, PictureForm, Values
 from mjfish.numerics.arrays import FloatArray
 from mjfish.parameters import Parameter
 
 
-class LensDistortion(Effect):
+class LensDistortion(PictureForm):
     """A place p is seen at c + (1 + k |p - c|^2) (p - c): radial distortion about the point c under the camera.
 
     k > 0 draws the edge of the image outwards (pincushion), k < 0 inwards (barrel). A heading turns with the image: the
-    direction e becomes (1 + k r^2) e + 2 k (r . e) r, r = p - c. Velocities that somebody made of such places have no
-    place to be corrected at.
+    direction e becomes (1 + k r^2) e + 2 k (r . e) r, r = p - c.
     """
 
-    name, domain, mechanism = "lens_distortion", "data", "lens"
+    name, mechanism = "lens_distortion", "lens"
     summary = "the lens bends straight lines"
     parameters = (
         Parameter("lens_distortion.curvature", "1/m2", 0.0, -0.2, 0.2, 0.0, 0.005, about="k, of the radial distortion"),
@@ -30,25 +28,8 @@ class LensDistortion(Effect):
     confirm = "film a straight edge along the border of the image"
     fingerprint = Fingerprint(exponent=0.0, odd=None, part="everywhere")
 
-    def not_applicable(self, dataset: Dataset) -> str:
-        """A lens acts on places."""
-        seen = any(sensor.kind == "position" for trial in dataset.trials for sensor in trial.sensors)
-        return "" if seen else "no place was measured, which a lens would move"
-
-    def cannot_act(self, trial: Trial) -> str:
-        """It moves what sensors of places read."""
-        seen = any(sensor.kind == "position" for sensor in trial.sensors)
-        return "" if seen else "it has no sensor of a place, which a lens would move"
-
-    def camera(
-        self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
-    ) -> tuple[FloatArray, FloatArray]:
-        """Move the places from or to the centre, and turn the headings with the image."""
-        del time, trial
-        k, centre = values["curvature"], np.array([values["x"], values["y"]])
-        away = place - centre
-        stretch = 1.0 + k * np.sum(away**2, axis=1)
-        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        seen = stretch[:, None] * ahead + 2.0 * k * np.sum(away * ahead, axis=1)[:, None] * away
-        turned = np.arctan2(ahead[:, 0] * seen[:, 1] - ahead[:, 1] * seen[:, 0], np.sum(ahead * seen, axis=1))
-        return centre + stretch[:, None] * away, heading + turned
+    def picture(self, away: FloatArray, ahead: FloatArray, values: Values) -> tuple[FloatArray, FloatArray]:
+        """Move the places from or to the centre."""
+        k = values["curvature"]
+        stretch = 1.0 + k * np.sum(away**2, axis=1, keepdims=True)
+        return stretch * away, stretch * ahead + 2.0 * k * np.sum(away * ahead, axis=1, keepdims=True) * away

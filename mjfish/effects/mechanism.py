@@ -33,6 +33,7 @@ _ALL = (
     Mechanism("clock", "data", "the camera's clock is off", "-"),
     Mechanism("camera_scale", "data", "the camera's scale is off", "-"),
     Mechanism("camera_axes", "data", "the camera's axes are turned", "-"),
+    Mechanism("camera_tilt", "data", "the camera does not look straight down", "place"),
     Mechanism("lens", "data", "the camera's lens bends lines", "place"),
     Mechanism("tracked_point", "data", "another point is tracked", "-"),
     Mechanism("clock_wander", "drive", "the clock of the drive wanders at random", "-"),

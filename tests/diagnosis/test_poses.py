@@ -68,6 +68,15 @@ def test_a_current_is_named_with_its_speed_and_lowers_the_error_of_the_path() ->
 
 
 @pytest.mark.slow
+def test_a_tilted_camera_is_named() -> None:
+    tilt = {"camera_tilt.tilt_x": 0.03, "camera_tilt.tilt_y": -0.02, "camera_tilt.x": 0.3, "camera_tilt.y": -0.2}
+    found = mjfish.diagnose(_pool("commanded", tilt, seed=7))
+    assert [cause.name for cause in found.causes] == ["camera_tilt"], found.message
+    for short in ("tilt_x", "tilt_y"):
+        assert found.causes[0].parameters[short].estimate == pytest.approx(tilt[f"camera_tilt.{short}"], abs=3e-3)
+
+
+@pytest.mark.slow
 def test_a_lens_that_bends_the_picture_is_named_with_its_centre() -> None:
     lens = {"lens_distortion.curvature": 0.04, "lens_distortion.x": 0.3, "lens_distortion.y": -0.2}
     found = mjfish.diagnose(_pool("commanded", lens, seed=6))

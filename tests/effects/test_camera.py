@@ -21,7 +21,10 @@ CASES = {
     "ambient_current": {"ambient_current.x": 0.05, "ambient_current.y": -0.03, "ambient_current.held": 0.5},
     "roll": {"roll.height": 0.004, "roll.frequency": 9.0, "roll.damping": 0.15},
     "lens_distortion": {"lens_distortion.curvature": 0.03, "lens_distortion.x": 0.4, "lens_distortion.y": -0.3},
-}
+    "camera_tilt": {
+        "camera_tilt.tilt_x": 0.03, "camera_tilt.tilt_y": -0.02, "camera_tilt.x": 0.4, "camera_tilt.y": -0.3,
+    },
+}  # fmt: skip
 
 
 def _filmed(rate: float) -> Trial:
@@ -30,7 +33,7 @@ def _filmed(rate: float) -> Trial:
     ]
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("lens_distortion", "roll")])
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("lens_distortion", "camera_tilt", "roll")])
 def test_places_and_headings_give_the_velocities_that_the_camera_reads(name: str) -> None:
     """Differentiated and turned by the heading that was seen. Catches a sign, a clock, a cause that moves one alone."""
     trial, model = _filmed(250.0), Model(mjfish.load_fish("pike"), (catalogue()[name],))
@@ -72,14 +75,34 @@ def test_what_the_camera_sees_is_derived_exactly(name: str, acting: bool) -> Non
             np.testing.assert_allclose(own[away, :, k], exact[away], atol=2e-3 * max(np.abs(exact).max(), 1e-3))
 
 
-def test_a_lens_turns_a_heading_with_the_image() -> None:
-    """Two points of a short line, seen through the lens, give the heading that is read."""
-    lens, values = catalogue()["lens_distortion"], {"curvature": 0.05, "x": 0.2, "y": -0.4}
+@pytest.mark.parametrize(
+    ("name", "values"), [("lens_distortion", {"curvature": 0.05}), ("camera_tilt", {"tilt_x": 0.05, "tilt_y": -0.08})]
+)
+def test_a_heading_turns_with_the_picture(name: str, values: dict[str, float]) -> None:
+    """Two points of a short line, as the camera sees them, give the heading that is read."""
+    cause, values = catalogue()[name], {**values, "x": 0.2, "y": -0.4}
     trial = _filmed(50.0)
     place, heading = np.array([[1.0, 0.7], [-0.8, 0.3]]), np.array([0.4, -2.0])
     ahead = 1e-6 * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     time = np.zeros(2)
-    near, turned = lens.camera(time, place, heading, values, trial)
-    far, _ = lens.camera(time, place + ahead, heading, values, trial)
+    near, turned = cause.camera(time, place, heading, values, trial)
+    far, _ = cause.camera(time, place + ahead, heading, values, trial)
     np.testing.assert_allclose(np.arctan2(*(far - near).T[::-1]), turned, atol=1e-6)
     assert np.abs(turned - heading).max() > 0.01
+
+
+def test_a_tilted_camera_sees_what_a_pinhole_sees() -> None:
+    """A camera 2 m above the plane looks 5 degrees away from straight down, along y; the scale is right at the middle."""
+    height, tilt = 2.0, np.radians(5.0)
+    place = np.array([[0.0, 0.0], [1.0, 0.7], [-0.8, 0.3], [0.5, -0.9]])
+    sight = np.array([0.0, np.sin(tilt), -np.cos(tilt)])
+    up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
+    middle = height * np.tan(tilt)  # where the line of sight meets the plane
+    rays = np.column_stack([place[:, 0], place[:, 1] + middle, np.full(len(place), -height)])
+    depth = rays @ sight
+    seen = np.column_stack([rays[:, 0], rays @ up]) / depth[:, None] * (height / np.cos(tilt))
+    seen[:, 1] /= np.cos(tilt)  # and so is the scale along y
+    values = {"tilt_x": 0.0, "tilt_y": np.sin(tilt) * np.cos(tilt) / height, "x": 0.0, "y": 0.0}
+    cause, nothing = catalogue()["camera_tilt"], np.zeros(len(place))
+    found, _ = cause.camera(nothing, place, nothing, values, _filmed(50.0))
+    np.testing.assert_allclose(found, seen, atol=1e-12)

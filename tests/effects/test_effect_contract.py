@@ -31,6 +31,7 @@ SHIPPED = {
     "ambient_current",
     "axial_momentum",
     "body_lift",
+    "camera_tilt",
     "clock_rate",
     "clock_wander",
     "com_offset",
