@@ -121,7 +121,7 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
         if odd is None:
             pairs = partial(find_combinations, refits, evidence, goodness, formulas=True)
             sets = begun.parts.run("the combinations", pairs, sets)
-    sufficient = [sets[1][row.names] for row in (sets[0] or Comparison()).retained(clean=True)]
+    sufficient = [sets[1][row.names] for row in (sets[0] or Comparison()).settled()]
     learned = refit_learned_forms(screening.evidence, begun.learnable, settled, screening.refits, sufficient)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}

@@ -264,11 +264,13 @@ class Row:
         """Return whether nothing systematic is left that matters.
 
         Two causes can imitate a third one that is not in the catalogue. So several causes must leave less than a tenth,
-        even where no test sees it; three, which are rarer than a cause that nobody listed, nothing that a test sees.
+        even where no test sees it; two may leave something that a test sees if no larger set could earn its members by
+        it; three, which are rarer than a cause that nobody listed, nothing.
         """
         count = len(self.names)
         clean = self.clean(limits) and (count == 1 or self.remaining < limits.remaining)
-        return clean or (count < LARGEST and self.remaining < self.tolerated(limits))
+        little = self.remaining < self.tolerated(limits) if count == 1 else self.leaves_little() and count < LARGEST
+        return clean or little
 
     def leaves_little(self) -> bool:
         """Return whether it leaves less than what a larger set would have to explain beyond it."""

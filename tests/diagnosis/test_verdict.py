@@ -110,10 +110,10 @@ def test_several_causes_may_leave_a_tenth_at_most_even_where_no_test_sees_it() -
     assert _row("a", 90.0, {**GOOD, "excess": 30.0}).fits()
 
 
-def test_three_causes_may_leave_nothing_that_a_test_sees() -> None:
-    """Catches three that imitate an unknown one, and are claimed because they leave little."""
-    for names, fits in (("ab", True), ("abc", False)):
-        assert _row(names, 98.0, LITTLE).fits() is fits
+def test_what_a_test_sees_beside_several_causes_is_too_little_for_a_further_one() -> None:
+    """Catches two or three that imitate an unknown one, and are claimed because they leave little."""
+    for names, excess, fits in (("a", 2.0, True), ("ab", 2.0, False), ("ab", 0.9, True), ("abc", 0.9, False)):
+        assert _row(names, 98.0, {**LITTLE, "excess": excess}).fits() is fits
         assert _row(names, 98.0, {**LITTLE, "tests": CLEAN}).fits()
 
 
