@@ -25,7 +25,7 @@ class CameraTilt(PictureForm):
         Parameter("camera_tilt.x", "m", 0.0, -20.0, 20.0, 0.0, 0.2, about="c, where the scale is right", shape=True),
         Parameter("camera_tilt.y", "m", 0.0, -20.0, 20.0, 0.0, 0.2, about="c, where the scale is right", shape=True),
     )
-    source = "Hartley and Zisserman, Multiple View Geometry in Computer Vision (2004), ch. 2: projective maps of a plane"
+    source = "Hartley and Zisserman, Multiple View Geometry (2004), ch. 2: projective maps of a plane"
     signature = "paths are too long on one side of the tank and too short on the other"
     confirm = "film a bar of known length at two opposite walls of the tank"
     fingerprint = Fingerprint(exponent=0.0, odd=None, part="everywhere")

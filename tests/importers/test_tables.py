@@ -240,8 +240,8 @@ def test_what_was_cut_and_what_the_joints_are_is_reported(tmp_path: Path) -> Non
     assert report.beat == pytest.approx(BEAT, rel=0.15)
     assert "a sample every 20 ms" in report.notes
     assert report.notes[-1] == (
-        "joint angles as commanded, moving smoothly in between (hold linear); held until the next (zero): half a "
-        "sample, 10 ms, later"
+        "joint angles as commanded, moving smoothly in between (hold linear); --set hold=zero holds each "
+        "until the next, half a sample, 10 ms, later"
     )
     (row,) = importers.ImportReport("poses", (report,)).rows()
     assert row[6:12] == ("-",) * 6  # nothing is smoothed, no velocity is made

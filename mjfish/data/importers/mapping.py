@@ -214,7 +214,8 @@ def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     late = f"half a sample, {500.0 / trial.rate:.3g} ms, later"
     if trial.hold == "zero":
         return (f"joint angles as commanded, held until the next (hold zero), {late} than in a smooth motion (linear)",)
-    return (f"joint angles as commanded, moving smoothly in between (hold linear); held until the next (zero): {late}",)
+    held = f"--set hold=zero holds each until the next, {late}"
+    return (f"joint angles as commanded, moving smoothly in between (hold linear); {held}",)
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:
