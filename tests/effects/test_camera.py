@@ -92,7 +92,7 @@ def test_a_heading_turns_with_the_picture(name: str, values: dict[str, float]) -
 
 
 def test_a_tilted_camera_sees_what_a_pinhole_sees() -> None:
-    """It is 2 m above the plane and looks 5 degrees away from straight down, along y; in the middle the scale is right."""
+    """It is 2 m above the plane and looks 5 degrees away from straight down; in the middle the scale is right."""
     height, tilt = 2.0, np.radians(5.0)
     place = np.array([[0.0, 0.0], [1.0, 0.7], [-0.8, 0.3], [0.5, -0.9]])
     sight = np.array([0.0, np.sin(tilt), -np.cos(tilt)])
