@@ -58,10 +58,8 @@ def jumps(trial: Trial) -> list[Jump]:
     error = np.abs(_left_out(trial.time, angle))
     sigma = robust_sigma(error) + 1e-300
     rows = np.flatnonzero(np.any(error > np.maximum(_FAR * sigma, _SMALL * np.ptp(angle, axis=0)), axis=1))
-    if not len(rows):
-        return []
     found = []
-    for cluster in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _REACH) + 1):
+    for cluster in filter(len, np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _REACH) + 1)):
         worst, joint = np.unravel_index(np.argmax(error[cluster] / sigma), (len(cluster), angle.shape[1]))
         size = float(error[cluster[worst], joint])
         first, last = (int(cluster[k]) + _REACH for k in (0, -1))

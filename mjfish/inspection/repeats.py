@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,9 +105,7 @@ def _differences(group: Sequence[Trial], free_clock: bool) -> _Group | None:
     step = group[0].step
     cells = [np.rint(trial.time / step).astype(np.int64) for trial in group]
     aligned = all(np.abs(t.time - c * step).max() < 0.05 * step for t, c in zip(group, cells, strict=True))
-    common = cells[0]
-    for other in cells[1:]:
-        common = np.intersect1d(common, other)
+    common = reduce(np.intersect1d, cells)
     # A step of the drive is seen before or after, as the clocks have it.
     for segment in group[0].drive[1:]:
         common = common[np.abs(common * step - segment.start) > 1.5 * step]

@@ -78,11 +78,11 @@ def missing_runs(dataset: Dataset, effects: Mapping[str, Effect]) -> Iterator[Fi
 def _gathers_speed(trial: Trial) -> bool:
     """Return whether the first twentieth of a run is less than half as fast as its last half: a start, measured."""
     speeds = _speeds(trial)
-    return len(speeds) > 0 and bool(speeds[0] < 0.5 * speeds[_PARTS // 2 :].mean())
+    return bool(speeds[0] < 0.5 * speeds[_PARTS // 2 :].mean())
 
 
 def _speeds(trial: Trial) -> FloatArray:
-    """Return the speed in every twentieth of a run (20,) [m/s], of its surge or a tracked point; empty without both."""
+    """Return the speed in every twentieth of a run (20,) [m/s], of its surge or a tracked point; zero without both."""
     if trial.measured[0] and len(trial.time) >= _FEWEST:
         return np.array([np.abs(part).mean() for part in np.array_split(trial.velocity[:, 0], _PARTS)])
     for sensor in trial.sensors:
@@ -90,7 +90,7 @@ def _speeds(trial: Trial) -> FloatArray:
             rows = np.linspace(0, len(sensor.time) - 1, _PARTS + 1).astype(int)
             way = np.linalg.norm(np.diff(sensor.values[rows], axis=0), axis=1)
             return np.asarray(way / np.diff(sensor.time[rows]))
-    return np.zeros(0)
+    return np.zeros(_PARTS)
 
 
 def _turns(trial: Trial) -> bool:

@@ -116,7 +116,18 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     # How often single values repeat by chance, as they do where they were rounded.
     repeating = np.sum(same[~frozen], axis=0) / max(np.count_nonzero(~frozen), 1)
     if frozen.any() and len(same) * np.prod(repeating) < _LEVEL:
-        yield _frozen(trial, frozen)
+        rows = np.flatnonzero(frozen) + 1
+        yield Finding(
+            "stuck-frozen",
+            "suspect",
+            f"trial '{trial.name}', row {rows[0] + 1} ({trial.time[rows[0]]:.3f} s)"
+            + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
+            ("1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat")
+            + " the row before in all channels: frozen frames",
+            "rows that differ by their noise at least",
+            without_rows(trial),
+            trials=(trial.name,),
+        )
     for channel, name in enumerate(CHANNELS):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
             yield Finding(
@@ -135,25 +146,9 @@ def stuck(trial: Trial) -> Iterator[Finding]:
 
 def without_rows(trial: Trial) -> str:
     """Return how to leave rows out: joint angles that were recorded are not known where rows are missing."""
-    if trial.joint_angle is None:
-        return "remove these rows and say gaps = true in the trial's entry"
-    return "remove these rows and cut the run there into two trials, for between recorded joint angles no row may miss"
-
-
-def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
-    rows = np.flatnonzero(frozen) + 1
-    first = int(rows[0])
-    return Finding(
-        "stuck-frozen",
-        "suspect",
-        f"trial '{trial.name}', row {first + 1} ({trial.time[first]:.3f} s)"
-        + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        ("1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat")
-        + " the row before in all channels: frozen frames",
-        "rows that differ by their noise at least",
-        without_rows(trial),
-        trials=(trial.name,),
-    )
+    gaps = "say gaps = true in the trial's entry"
+    cut = "cut the run there into two trials, for between recorded joint angles no row may miss"
+    return f"remove these rows and {gaps if trial.joint_angle is None else cut}"
 
 
 def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
@@ -297,10 +292,8 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
     the 97.5 % point of the misfits, which a few outliers do not move. A sample that this t does not reach in so many
     samples is an outlier.
     """
-    for channel, name in enumerate(CHANNELS):
+    for channel, name in enumerate(CHANNELS if found else ()):
         scaled = [line.misfit[:, channel] / line.sigma[channel] for line in found]
-        if not scaled:
-            return
         every = np.concatenate(scaled)
         degrees_of_freedom, spread = _student(every)
         limit = max(float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread, FAR)
@@ -310,7 +303,19 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
             # Beside an outlier the line itself is bent.
             peaks = [int(k) for k in out if size[k] >= size[np.abs(line.rows - line.rows[k]) <= 3].max()]
             if peaks:
-                yield _outlier(line, name, channel, peaks, values)
+                worst = max(peaks, key=lambda k: abs(values[k]))
+                row, others = line.rows[worst], f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
+                yield Finding(
+                    "outliers-samples",
+                    "suspect",
+                    f"trial '{line.trial.name}', {name}, row {row + 1} ({line.trial.time[row]:.3f} s){others}",
+                    f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the "
+                    "line through its neighbours",
+                    f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
+                    f"correct them at the source; or {without_rows(line.trial)}",
+                    trials=(line.trial.name,),
+                    channels=(name,),
+                )
         share = float(np.mean(np.abs(every) > FAR))
         if share > _HEAVY and degrees_of_freedom < 10.0:
             yield Finding(
@@ -323,23 +328,6 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
                 "p values are then a little too small and weak causes harder to see; look for lost markers",
                 channels=(name,),
             )
-
-
-def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], values: FloatArray) -> Finding:
-    worst = max(peaks, key=lambda k: abs(values[k]))
-    row = int(line.rows[worst])
-    others = f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
-    return Finding(
-        "outliers-samples",
-        "suspect",
-        f"trial '{line.trial.name}', {name}, row {row + 1} ({line.trial.time[row]:.3f} s){others}",
-        f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
-        "its neighbours",
-        f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
-        f"correct them at the source; or {without_rows(line.trial)}",
-        trials=(line.trial.name,),
-        channels=(name,),
-    )
 
 
 def _student(values: FloatArray) -> tuple[float, float]:
