@@ -31,7 +31,7 @@ from mjfish.fish.frames import CHANNELS
 from mjfish.inspection.before_fit import Inspection
 from mjfish.inspection.finding import Finding, changed
 from mjfish.inspection.nominal_simulation import labels, shifted
-from mjfish.inspection.sampling import sampled_enough
+from mjfish.inspection.runs import sampled_enough
 from mjfish.noise import DifferentiationNoise
 from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 

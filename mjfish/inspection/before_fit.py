@@ -20,14 +20,12 @@ from mjfish.files.plain_data import plain
 from mjfish.files.result import Result
 from mjfish.fish.frames import CHANNELS
 from mjfish.inspection.finding import EVERYTHING, SEVERITIES, Finding, Severity
-from mjfish.inspection.joint_jumps import unresolved
 from mjfish.inspection.kinematics import Compatibility, compatibility, disagreements
 from mjfish.inspection.nominal_simulation import against_simulation
 from mjfish.inspection.poses import pose_findings
 from mjfish.inspection.repeats import Repeats, noise_from_repeats, repeat_findings
-from mjfish.inspection.runs import missing_runs
-from mjfish.inspection.samples import copies, interpolated, outliers, stuck
-from mjfish.inspection.sampling import coarse, retimed, sampled_enough, time_factor, time_units
+from mjfish.inspection.runs import coarse, missing_runs, retimed, sampled_enough, time_factor, time_units
+from mjfish.inspection.samples import copies, interpolated, outliers, stuck, unresolved
 
 #: What is looked at, where the channels for it were measured.
 _TESTED = (
