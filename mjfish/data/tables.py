@@ -108,25 +108,28 @@ def recognise(path: Path, dialect: Dialect, names: Sequence[str] | None = None) 
     separator, rows = max(read, key=lambda own: _fit(own[1]))
     if not rows:
         raise InputError(f"{path}: has a cell of more than {csv.field_size_limit()} characters; {REMEDY}")
-    notes = [] if encoding.startswith("utf-8") else [f"text read as {encoding}"]
-    notes += [f"columns separated by {_NAMES[separator]}"] if separator in _NAMES else []
-    headers, first = names or (), 0
+    headers, first, above, units = names or (), 0, 0, list[str]()
     if names is None:
         at = _header(rows, path) if dialect.skip is None else 0
-        headers, first = [cell.strip() for cell in rows[at]], at + 1
+        headers, first, above = [cell.strip() for cell in rows[at]], at + 1, skip + at
         if not any(headers):
             raise InputError(
                 f"{path}: line {skip + first} is empty, expected the headers of the columns; remove the lines above "
                 f"them, or give {SKIP}"
             )
-        notes += [f"{skip + at} lines above the header left out"] if skip + at else []
         if units := _units(rows[first : first + 1], len(headers)):
             headers = [f"{name} [{unit}]" if unit else name for name, unit in zip(headers, units, strict=True)]
             first += 1
-            notes.append(f"units from line {skip + first}")
     decimal = dialect.decimal or _decimal(rows[first:], path)
-    notes += ["decimal commas"] if decimal == "," else []
-    return Layout(text, tuple(headers), separator, decimal, skip + first + 1, tuple(notes))
+    notes = {
+        f"text read as {encoding}": not encoding.startswith("utf-8"),
+        f"columns separated by {_NAMES.get(separator)}": separator in _NAMES,
+        f"{above} lines above the header left out": above > 0,
+        f"units from line {skip + first}": bool(units),
+        "decimal commas": decimal == ",",
+    }
+    applying = tuple(note for note, applies in notes.items() if applies)
+    return Layout(text, tuple(headers), separator, decimal, skip + first + 1, applying)
 
 
 def _is_value(cell: str) -> bool:
