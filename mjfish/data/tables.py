@@ -212,10 +212,8 @@ def _header(rows: Sequence[Sequence[str]], path: Path) -> int:
 def _units(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
     """Return the units in a row that has nothing else, such as ``mm`` or ``[deg/s]``, without brackets; else none."""
     units = [cell.strip().strip("[]()").strip() for row in rows for cell in row]
-    known = (
-        len(units) == columns and any(units) and all(_UNIT.fullmatch(_PER_TIME.sub("", unit or "-")) for unit in units)
-    )
-    return units if known else []
+    known = all(_UNIT.fullmatch(_PER_TIME.sub("", unit or "-")) for unit in units)
+    return units if known and len(units) == columns and any(units) else []
 
 
 def _decimal(rows: Sequence[Sequence[str]], path: Path) -> str:
@@ -289,9 +287,8 @@ class Sheet:
             begin = float(unit * raw[0])
             time = unit * (raw - raw[0]) if _EPOCH < begin < columns.LARGEST else unit * raw
         columns.check_finite(time, self.path, self._label(index), self.layout.first_line)
-        if begin <= _EPOCH:
-            return readonly(time), ""
-        return readonly(time), f"{DATES}: they count from the first row, {np.datetime64(round(1e3 * begin), 'ms')} UTC"
+        date = f"{np.datetime64(round(1e3 * begin), 'ms')} UTC"
+        return readonly(time), f"{DATES}: they count from the first row, {date}" if begin > _EPOCH else ""
 
     def _dates(self, index: int, cells: Any) -> tuple[FloatArray, float]:
         """Return dates (n,) from the first on, and the first since 1970 [s]."""
@@ -340,10 +337,8 @@ class Sheet:
             return readonly([self._number(index, row, *pair, missing=missing) for row, pair in rows])
 
     def _number(self, index: int, row: int, cell: str, plain: str, *, missing: bool) -> float:
-        if missing and not cell.strip():
-            return np.nan
         try:
-            return float(plain if "_" not in cell else "")
+            return float("nan" if missing and not cell.strip() else "" if "_" in cell else plain)
         except ValueError:
             where = f"{columns.row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
         found = "the cell is empty, expected a number; fill it in or remove the row"

@@ -230,10 +230,9 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
     """Refuse a nose outside of the tank: its walls, or the poses, are then not what they seem."""
     outside = np.flatnonzero(tank.distance(pose) < 0.0)
     if len(outside):
-        first = int(outside[0])
-        x, y = pose[first, :2]
+        x, y = pose[outside[0], :2]
         raise InputError(
-            f"{columns.row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
+            f"{columns.row_name(source, int(outside[0]))}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
             f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
 

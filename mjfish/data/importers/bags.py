@@ -142,12 +142,11 @@ def _messages(
     stamps, logged, values = zip(*rows, strict=True)
     table = np.array(values)
     table[np.abs(table) > LARGEST] = np.nan
-    for field, column in zip(fields, table.T, strict=True):
-        if np.isnan(column).all() and entries:
+    columns = dict(zip(fields, table.T, strict=True))
+    for field in (field for field, column in columns.items() if np.isnan(column).all()):
+        if entries:
             raise UnknownNameError(f"field in {place}:", field.rpartition(".")[2], entries)
-        if np.isnan(column).all():
-            raise InputError(f"{place}: '{field}' is never a number; name another field in the mapping file")
-    columns = {field: table[:, k] for k, field in enumerate(fields)}
+        raise InputError(f"{place}: '{field}' is never a number; name another field in the mapping file")
     return Messages(np.array(stamps, dtype=np.int64), np.array(logged, dtype=np.int64), columns)
 
 

@@ -207,14 +207,13 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, F
 
 def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
-    if table.joints is None:
-        return ()
-    if not trial.commanded:
-        return ("joint angles as measured",)
     late = f"half a sample, {500.0 / trial.rate:.3g} ms, later"
-    if trial.hold == "zero":
-        return (f"joint angles as commanded, held until the next (hold zero), {late} than in a smooth motion (linear)",)
-    return (f"joint angles as commanded, moving smoothly in between (hold linear); held until the next (zero): {late}",)
+    held = {
+        "zero": f"held until the next (hold zero), {late} than in a smooth motion (linear)",
+        "linear": f"moving smoothly in between (hold linear); held until the next (zero): {late}",
+    }
+    words = f"joint angles as commanded, {held[trial.hold]}" if trial.commanded else "joint angles as measured"
+    return () if table.joints is None else (words,)
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:
