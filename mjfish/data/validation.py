@@ -232,8 +232,8 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
     if len(outside):
         x, y = pose[outside[0], :2]
         raise InputError(
-            f"{columns.row_name(source, int(outside[0]))}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
-            f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
+            f"{columns.row_name(source, int(outside[0]))}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, "
+            f"x from {tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
 
 

@@ -169,11 +169,12 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             tables[str(entry.file)] = own
             for name, values in own.items():
                 columns.check_finite(values, Path(str(entry.file)), f"column '{columns.header(name)}'")
-            sensors = []
-            for place, (told, sensor) in enumerate(zip(entry.sensors, trial.sensors, strict=True), start=1):
+            for told, sensor in zip(entry.sensors, trial.sensors, strict=True):
                 tables[told.file] = dict(zip(("time", *sensor.channels), (sensor.time, *sensor.values.T), strict=True))
-                source = Path(told.file)
-                sensors.append(build_sensor(told, tables[told.file], dataset.fish, source, f"{key}.sensors.{place}"))
+            sensors = [
+                build_sensor(told, tables[told.file], dataset.fish, Path(told.file), f"{key}.sensors.{place}")
+                for place, told in enumerate(entry.sensors, start=1)
+            ]
             build_trial(entry, own, dataset.fish, Path(str(entry.file)), key, trial.tank, sensors)
             if entry.errors is not None:
                 tables[entry.errors] = errors_to_columns(trial)

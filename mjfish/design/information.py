@@ -101,10 +101,6 @@ class Information:
             moment[at] += run.moment
         return cls(names, gram, moment, sum(run.square for run in runs))
 
-    def __add__(self, other: Information) -> Information:
-        """Join runs."""
-        return Information.joined([self, other])
-
     def of_rival(self, rival: str) -> Information:
         """Return the sums of the columns that `column` named after a rival."""
         at = [i for i, name in enumerate(self.names) if name.startswith(column(rival, ""))]
@@ -161,7 +157,7 @@ class _OnMenu:
     def with_run(self, run: int | None) -> Information:
         """Return the information of the data, with that of a run more."""
         added = None if run is None else self.runs[run]
-        return self.data if added is None else self.data + added
+        return self.data if added is None else Information.joined([self.data, added])
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +298,8 @@ def gain(data: Information, run: Information, k: str, l: str) -> Gain:  # noqa: 
     """
     columns, d = _coordinates(run)
     identity = np.eye(len(d))
-    p_k, p_l = (identity - _followed(data + run, columns, rival) for rival in (k, l))
+    both = Information.joined([data, run])
+    p_k, p_l = (identity - _followed(both, columns, rival) for rival in (k, l))
     error_k, error_l = (_error(data.of_rival(rival), columns) for rival in (k, l))
     t_k = identity + _covariance(error_k, data)
     raw = float(d @ p_l @ d)

@@ -118,9 +118,8 @@ def _explained(
 ) -> tuple[dict[str, Estimated], int]:
     """Return the estimates, and over how many samples central differences explain a scale below 1; 0: they do not."""
     plain, most = fit(windows, 0)
-    if not _is_off("scale", plain["scale"]) or plain["scale"].value > 1.0:
-        return plain, 0
-    for reach in _DIFFERENCES:
+    smaller = plain["scale"].value <= 1.0 and _is_off("scale", plain["scale"])
+    for reach in _DIFFERENCES if smaller else ():
         estimates, left = fit(windows, reach)
         lost = _INDEPENDENT * len(left) * math.log((left @ left) / (most @ most))
         if not _is_off("scale", estimates["scale"]) and lost < _AS_GOOD:

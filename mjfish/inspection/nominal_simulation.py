@@ -206,7 +206,6 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             factor = min(known, key=lambda f: abs(np.log(size / f)))
             near = abs(np.log(size / factor)) < np.log(_NEAR_UNIT)
             everywhere = len(strange) == len(sizes)
-            factors = [1.0 / factor if other == name else 1.0 for other in CHANNELS]
             yield Finding(
                 "signs-unit",
                 "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
@@ -216,7 +215,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
                 known[factor] if near else "check the unit and the drive",
                 trials=() if everywhere else tuple(strange),
                 channels=(name,),
-                corrected=_rereading(strange, range(3), factors),
+                corrected=_rereading(strange, range(3), [1.0 / factor if own == name else 1.0 for own in CHANNELS]),
             )
 
 

@@ -98,7 +98,7 @@ def jumps(trial: Trial) -> list[Jump]:
     for cluster in filter(len, np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _JOINT_REACH) + 1)):
         worst, joint = np.unravel_index(np.argmax(error[cluster] / sigma), (len(cluster), angle.shape[1]))
         size = float(error[cluster[worst], joint])
-        first, last = (int(cluster[k]) + _JOINT_REACH for k in (0, -1))
+        first, last = (cluster[[0, -1]] + _JOINT_REACH).tolist()
         found.append(Jump(first, last, int(joint), size, size / float(sigma[joint])))
     count = float(np.ptp(trial.time)) * min(beats(trial), default=0.0)
     return found if len(found) <= max(count / _BEATS_A_JUMP, 1.0) else []
