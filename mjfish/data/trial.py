@@ -247,11 +247,8 @@ class Trial:
     @property
     def driven_by(self) -> str:
         """What moves the joints, in words."""
-        if self.wave is not None:
-            return "a wave"
-        if self.drive:
-            return "the CPG"
-        return "recorded commands" if self.commanded else "measured joint angles"
+        recorded = "recorded commands" if self.commanded else "measured joint angles"
+        return "a wave" if self.wave is not None else "the CPG" if self.drive else recorded
 
     @property
     def joints_measured(self) -> bool:

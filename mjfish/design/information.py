@@ -403,8 +403,7 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
         seen = eta[menu.mask(i)]
         white = menu.whitened(i, seen).ravel() if np.all(np.isfinite(seen)) else np.full(len(slopes), np.nan)
         shift = np.array([moved.get(name, 0.0) for name in own])
-        names = tuple(column(model_estimate.name, name) for name in own)
-        parts.append((white + slopes @ shift, names, slopes))
+        parts.append((white + slopes @ shift, tuple(column(model_estimate.name, name) for name in own), slopes))
     names = tuple(column(model_estimate.name, p.name) for p in free)
     return _Linearised(names, residual - jacobian @ step, jacobian, tuple(parts))
 

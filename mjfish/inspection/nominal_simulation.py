@@ -137,11 +137,11 @@ def signs(found: Mapping[str, FloatArray]) -> Iterator[Finding]:
     Args:
         found: `_scores` by the trial's name.
     """
-    wrong: dict[int, list[str]] = {}
-    for name, score in found.items():
-        if score.max() > max(score[0] + _MARGIN, _GOOD):
-            wrong.setdefault(int(np.argmax(score)), []).append(name)
-    for reading, names in wrong.items():
+    wrong = {
+        name: int(np.argmax(score)) for name, score in found.items() if score.max() > max(score[0] + _MARGIN, _GOOD)
+    }
+    for reading in dict.fromkeys(wrong.values()):
+        names = [name for name, own in wrong.items() if own == reading]
         everywhere = len(names) == len(found)
         place = (
             "all trials" if everywhere else f"trials {', '.join(names)}" if len(names) > 1 else f"trial '{names[0]}'"

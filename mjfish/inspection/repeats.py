@@ -64,11 +64,9 @@ def noise_from_repeats(dataset: Dataset, leave_out: Collection[str] = ()) -> Rep
         dataset: its trials.
         leave_out: names of trials that are copies of others or have a wrong label.
     """
-    groups: dict[Any, list[Trial]] = {}
-    for trial in dataset.trials:
-        if trial.drive and trial.name not in leave_out:
-            groups.setdefault(trial.drive, []).append(trial)
-    differences = (_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1)
+    trials = [trial for trial in dataset.trials if trial.drive and trial.name not in leave_out]
+    groups = ([t for t in trials if t.drive == drive] for drive in dict.fromkeys(trial.drive for trial in trials))
+    differences = (_differences(group, dataset.clock == "free") for group in groups if len(group) > 1)
     every = [group for group in differences if group is not None]
     clean = [group for group in every if group.line <= LINE]
     used = clean or every

@@ -60,10 +60,8 @@ def rounded_step(trial: Trial) -> float:
 
 def by_step(trials: Sequence[Trial]) -> dict[float, list[int]]:
     """Return, by step [s], which trials were sampled at it."""
-    found: dict[float, list[int]] = {}
-    for index, trial in enumerate(trials):
-        found.setdefault(rounded_step(trial), []).append(index)
-    return found
+    steps = [rounded_step(trial) for trial in trials]
+    return {step: [index for index, own in enumerate(steps) if own == step] for step in steps}
 
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
