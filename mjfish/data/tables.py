@@ -128,8 +128,14 @@ def recognise(path: Path, dialect: Dialect, names: Sequence[str] | None = None) 
         f"units from line {skip + first}": bool(units),
         "decimal commas": decimal == ",",
     }
-    applying = tuple(note for note, applies in notes.items() if applies)
-    return Layout(text, tuple(headers), separator, decimal, skip + first + 1, applying)
+    return Layout(
+        text,
+        tuple(headers),
+        separator,
+        decimal,
+        first_line=skip + first + 1,
+        notes=tuple(note for note, applies in notes.items() if applies),
+    )
 
 
 def _is_value(cell: str) -> bool:

@@ -239,7 +239,7 @@ class Trial:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
         sampling = f"{len(self.time)} samples"
         if len(self.time) > 1:
-            sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
+            sampling += f" in {float(np.ptp(self.time)):.4g} s ({1.0 / self.step:.4g} Hz)"
         beside = f", with {', '.join(sensor.name for sensor in self.sensors)}" if self.sensors else ""
         role = self.role or "not assigned"
         return f"<Trial '{self.name}', role {role}: {sampling}{beside}, driven by {self.driven_by}>"

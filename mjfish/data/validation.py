@@ -207,8 +207,8 @@ def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
             f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
             "radians; if these are degrees, multiply by pi/180"
         )
-    starting = "a wave with a ramp" if wave.ramp > 0.0 else ""
-    _check_span(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path, starting)
+    ramp = "a wave with a ramp" if wave.ramp > 0.0 else ""
+    _check_span(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path, ramp)
 
 
 def _check_span(time: FloatArray, period: float, stated: str, path: Path, starting: str) -> None:

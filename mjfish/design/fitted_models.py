@@ -78,8 +78,13 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
-        fits = {model.causes: model for model in diagnosis.fits}
-        return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, _open_question(diagnosis), fits)
+        return cls(
+            diagnosis.dataset,
+            diagnosis.effects,
+            diagnosis.problem,
+            _open_question(diagnosis),
+            {model.causes: model for model in diagnosis.fits},
+        )
 
     @property
     def everything(self) -> Problem:

@@ -218,8 +218,8 @@ def _information(
     problem: Problem, here: dict[str, float], fixed: frozenset[str]
 ) -> tuple[list[Information], list[Information]]:
     """Return the information of every trial's velocities, and that of what stands behind them."""
-    names = [p.name for p in problem.parameters if p.name not in fixed]
-    velocities, beside = jacobians(problem, problem.start(here), names)
+    free = [p.name for p in problem.parameters if p.name not in fixed]
+    velocities, beside = jacobians(problem, problem.start(here), free)
     return [Information.of(*block) for block in velocities], [Information.of(*block) for block in beside]
 
 

@@ -256,7 +256,9 @@ def _planned(known: FittedModels, question: Question, menu: Menu, progress: Prog
     else:
         options = _ranked(_revealing(detection(models[0], tried, runs), tried, runs, menu.pause))
     progress("done", 1.0)
-    fitted = "ok" if all(model.converged for model in models) else "fit_not_converged"
+    fitted: Literal["ok", "fit_not_converged"] = (
+        "ok" if all(model.converged for model in models) else "fit_not_converged"
+    )
     return Plan(
         dataset=known.dataset.name,
         status=fitted if options else "nothing_to_offer",

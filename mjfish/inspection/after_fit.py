@@ -75,8 +75,7 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     for trial in trials:
         if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
-            when = SHIFTS * trial.step
-            predicted = shifted(problem.model, clocked(trial, values), shared, when, offset=offset)
+            predicted = shifted(problem.model, clocked(trial, values), shared, SHIFTS * trial.step, offset=offset)
             if predicted is not None:
                 found += clock(trial, predicted, sigma)
     noise = problem.noise

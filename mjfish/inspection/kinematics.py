@@ -219,8 +219,7 @@ def _turned(window: _Window, shift: float, reach: int) -> tuple[FloatArray, Floa
     """Return left side (m,) and columns (m, 2) for the gain and the bias of the yaw rate."""
     weight = np.gradient(window.time)
     moved = -(window.bump_rate(reach) * weight) @ window.yaw
-    left = (window.bump(shift) * weight) @ window.velocity[:, 2]
-    return left, np.stack([moved, window.bump(0.0) @ weight], axis=1)
+    return (window.bump(shift) * weight) @ window.velocity[:, 2], np.stack([moved, window.bump(0.0) @ weight], axis=1)
 
 
 def _fitted(

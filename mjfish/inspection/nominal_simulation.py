@@ -170,7 +170,7 @@ def _misread(order: tuple[int, ...], factors: tuple[int, ...]) -> tuple[tuple[st
     wrong = {"swap surge and sway": "surge and sway are in each other's column"} if swapped else {}
     if flipped:
         wrong[f"multiply {flip} by -1"] = f"{flip} {'has' if len(flipped) == 1 else 'have'} the wrong sign"
-    known = {
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], str] = {
         ((0, 1, 2), (1, -1, -1)): "multiply both by -1 (y to starboard, z down), or the joint angles and biases if "
         "those are mirrored",
         ((0, 1, 2), (-1, -1, 1)): "multiply both by -1: x points to the tail",

@@ -219,13 +219,9 @@ def read_cases(file: Path) -> list[Case]:
         InputError, UnknownNameError: as of `read_study`.
     """
     study, home = read_study(file), file.resolve().parent
+    datasets: tuple[Generated | Folder, ...] = (*study.generate, *study.folder)
     settings: tuple[Identify | Diagnose, ...] = (*study.identify, *study.diagnose)
-    return [
-        Case(dataset, setting, seed, home)
-        for dataset in (*study.generate, *study.folder)
-        for setting in settings
-        for seed in study.seeds
-    ]
+    return [Case(dataset, setting, seed, home) for dataset in datasets for setting in settings for seed in study.seeds]
 
 
 def _contents(folder: Path) -> dict[str, str]:

@@ -226,8 +226,7 @@ def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish
             f"{mapping}: joints.columns: {len(names)} columns, expected {fish.joints}, one for each joint of fish "
             f"'{fish.name}'; correct it"
         )
-    factor = ANGLES[table.joints.unit] * table.joints.sign
-    return readonly(factor * np.column_stack([numbers[name] for name in names]))
+    return readonly(ANGLES[table.joints.unit] * table.joints.sign * np.column_stack([numbers[name] for name in names]))
 
 
 def wave_drive(table: Driven, fish: Fish, mapping: Path, recorded: Path) -> Wave | None:

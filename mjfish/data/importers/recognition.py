@@ -244,8 +244,7 @@ def bag_example(kinds: Mapping[str, str]) -> str:
 def example(header: Sequence[str], kind: Kind) -> str:
     """Return a mapping file for columns of these names, to be completed."""
     found = guess(header)
-    lines = [*_HEAD, f'kind = "{kind}"']
-    lines += [f"{key} = {json.dumps(found.columns.get(key, '?'))}" for key in KEYS[kind]]
+    lines = [*_HEAD, f'kind = "{kind}"', *(f"{k} = {json.dumps(found.columns.get(k, '?'))}" for k in KEYS[kind])]
     named = units({key: name for key, name in found.columns.items() if key in KEYS[kind]}, found.joints)
     alone = {of: next(iter(own)) for of, own in named.items() if len(own) == 1}
     lines += [f'{of}_unit = "{alone[of]}"' for of in ("time", "length", "angle") if of in alone]

@@ -77,8 +77,7 @@ def read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) 
         )
     # Places and headings may be absent, velocities not.
     numbers = {table.time: time, **{name: sheet.numbers(name, missing=isinstance(table, PosesMap)) for name in names}}
-    notes = (*sheet.layout.notes, *([dates] if dates else []))
-    return Columns(numbers, notes, first_line=sheet.layout.first_line)
+    return Columns(numbers, tuple(filter(None, (*sheet.layout.notes, dates))), first_line=sheet.layout.first_line)
 
 
 #: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
