@@ -107,9 +107,9 @@ def _suggestion(name: str) -> str:
     if not name:
         return "a table saved with row numbers has such a column; save it without them"
     close = difflib.get_close_matches(name.lower(), [*UNITS, "joint_1"], n=1)
-    known = ", ".join(header(known) for known in UNITS)
     hint = f"did you mean '{header(close[0])}'? " if close else ""
-    return f"{hint}known: {known}, {header('joint_1')}, joint_2 and so on; rename or remove it"
+    known = ", ".join(map(header, (*UNITS, "joint_1")))
+    return f"{hint}known: {known}, joint_2 and so on; rename or remove it"
 
 
 #: Numbers that a table may have; as float64 they fill 256 MiB.
@@ -126,9 +126,8 @@ def row_name(path: Path, index: int, first_line: int | None = None) -> str:
         index: of the row, from 0.
         first_line: of the numbers, from 1; left out: 2 in a CSV file, and no lines in others.
     """
-    if first_line is None:
-        first_line = 2 if path.suffix.lower() == ".csv" else 1
-    return f"{path}: row {index + 1}" + (f" (line {index + first_line})" if first_line > 1 else "")
+    first = first_line or (2 if path.suffix.lower() == ".csv" else 1)
+    return f"{path}: row {index + 1}" + (f" (line {index + first})" if first > 1 else "")
 
 
 def check_size(numbers: int, path: Path) -> None:
@@ -186,8 +185,10 @@ def check_increasing(
         row = int(wrong[0]) + 1
         how, what = f"is before the {before[row - 1]:.9g} s of", "sort the rows by time"
         if after[row - 1] == before[row - 1]:
-            how = "repeats that of"
-            what = "the row is repeated: remove one of the two, or give times that tell them apart"
+            how, what = (
+                "repeats that of",
+                "the row is repeated: remove one of the two, or give times that tell them apart",
+            )
         raise InputError(
             f"{row_name(path, row, first_line)}, column '{column}': {after[row - 1]:.9g} s {how} row {row}, expected "
             f"increasing times; {what}"

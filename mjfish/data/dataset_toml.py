@@ -176,13 +176,13 @@ class TrialTable(Table):
             )
         if not isinstance(drive, Mapping):
             return raw
-        if "kind" not in drive and not _is_wave(drive):
-            raise ValueError(
-                "a segment of the CPG in [trials.drive], expected a list of them; write [[trials.drive]] in place of "
-                "[trials.drive]"
-            )
         if "kind" not in drive:
-            raise ValueError('[trials.drive] has no kind, expected kind = "wave"; add it')
+            raise ValueError(
+                '[trials.drive] has no kind, expected kind = "wave"; add it'
+                if _is_wave(drive)
+                else "a segment of the CPG in [trials.drive], expected a list of them; write [[trials.drive]] in place "
+                "of [trials.drive]"
+            )
         return {**{key: value for key, value in raw.items() if key != "drive"}, "wave": drive}
 
 

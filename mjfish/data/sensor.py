@@ -76,8 +76,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only; refuse shapes that do not fit."""
-        given = [name for name in ("time", "values", "sigma") if getattr(self, name) is not None]
-        for name in given:
+        for name in (name for name in ("time", "values", "sigma") if getattr(self, name) is not None):
             object.__setattr__(self, name, readonly(getattr(self, name)))
         wide = len(self.channels)
         if self.values.shape != (len(self.time), wide) or (self.sigma is not None and self.sigma.shape != (wide,)):
@@ -135,8 +134,7 @@ def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sens
     """
     columns.check_increasing(sensor.time, source, first_line, repeated=True)
     sensor = sensor.selected(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
-    fresh = np.ones(len(sensor.time), dtype=np.bool_)
-    fresh[1:] = np.diff(sensor.time) > 0.0
+    fresh = np.diff(sensor.time, prepend=-np.inf) > 0.0
     sensor = sensor.selected(fresh, "their time repeats the one before")
     same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
     if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
@@ -175,8 +173,7 @@ def within(sensor: Sensor, first: float, last: float, source: Path | str) -> Sen
 
 def third_differences(sensor: Sensor) -> FloatArray:
     """Return the third differences (k, c) of samples in a row, over sqrt(20): white noise leaves its sigma in them."""
-    steps = np.diff(sensor.time)
-    even = np.abs(steps / sensor.step - 1.0) < 0.5
+    even = np.abs(np.diff(sensor.time) / sensor.step - 1.0) < 0.5
     in_a_row = even[:-2] & even[1:-1] & even[2:]
     return np.asarray(np.diff(sensor.values, n=3, axis=0)[in_a_row] / np.sqrt(20.0))
 

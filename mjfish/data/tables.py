@@ -108,25 +108,34 @@ def recognise(path: Path, dialect: Dialect, names: Sequence[str] | None = None) 
     separator, rows = max(read, key=lambda own: _fit(own[1]))
     if not rows:
         raise InputError(f"{path}: has a cell of more than {csv.field_size_limit()} characters; {REMEDY}")
-    notes = [] if encoding.startswith("utf-8") else [f"text read as {encoding}"]
-    notes += [f"columns separated by {_NAMES[separator]}"] if separator in _NAMES else []
-    headers, first = names or (), 0
+    headers, first, above, units = names or (), 0, 0, list[str]()
     if names is None:
         at = _header(rows, path) if dialect.skip is None else 0
-        headers, first = [cell.strip() for cell in rows[at]], at + 1
+        headers, first, above = [cell.strip() for cell in rows[at]], at + 1, skip + at
         if not any(headers):
             raise InputError(
                 f"{path}: line {skip + first} is empty, expected the headers of the columns; remove the lines above "
                 f"them, or give {SKIP}"
             )
-        notes += [f"{skip + at} lines above the header left out"] if skip + at else []
         if units := _units(rows[first : first + 1], len(headers)):
             headers = [f"{name} [{unit}]" if unit else name for name, unit in zip(headers, units, strict=True)]
             first += 1
-            notes.append(f"units from line {skip + first}")
     decimal = dialect.decimal or _decimal(rows[first:], path)
-    notes += ["decimal commas"] if decimal == "," else []
-    return Layout(text, tuple(headers), separator, decimal, skip + first + 1, tuple(notes))
+    notes = {
+        f"text read as {encoding}": not encoding.startswith("utf-8"),
+        f"columns separated by {_NAMES.get(separator)}": separator in _NAMES,
+        f"{above} lines above the header left out": above > 0,
+        f"units from line {skip + first}": bool(units),
+        "decimal commas": decimal == ",",
+    }
+    return Layout(
+        text,
+        tuple(headers),
+        separator,
+        decimal,
+        first_line=skip + first + 1,
+        notes=tuple(note for note, applies in notes.items() if applies),
+    )
 
 
 def _is_value(cell: str) -> bool:
@@ -209,10 +218,8 @@ def _header(rows: Sequence[Sequence[str]], path: Path) -> int:
 def _units(rows: Sequence[Sequence[str]], columns: int) -> list[str]:
     """Return the units in a row that has nothing else, such as ``mm`` or ``[deg/s]``, without brackets; else none."""
     units = [cell.strip().strip("[]()").strip() for row in rows for cell in row]
-    known = (
-        len(units) == columns and any(units) and all(_UNIT.fullmatch(_PER_TIME.sub("", unit or "-")) for unit in units)
-    )
-    return units if known else []
+    known = all(_UNIT.fullmatch(_PER_TIME.sub("", unit or "-")) for unit in units)
+    return units if known and len(units) == columns and any(units) else []
 
 
 def _decimal(rows: Sequence[Sequence[str]], path: Path) -> str:
@@ -286,9 +293,8 @@ class Sheet:
             begin = float(unit * raw[0])
             time = unit * (raw - raw[0]) if _EPOCH < begin < columns.LARGEST else unit * raw
         columns.check_finite(time, self.path, self._label(index), self.layout.first_line)
-        if begin <= _EPOCH:
-            return readonly(time), ""
-        return readonly(time), f"{DATES}: they count from the first row, {np.datetime64(round(1e3 * begin), 'ms')} UTC"
+        date = f"{np.datetime64(round(1e3 * begin), 'ms')} UTC"
+        return readonly(time), f"{DATES}: they count from the first row, {date}" if begin > _EPOCH else ""
 
     def _dates(self, index: int, cells: Any) -> tuple[FloatArray, float]:
         """Return dates (n,) from the first on, and the first since 1970 [s]."""
@@ -337,10 +343,8 @@ class Sheet:
             return readonly([self._number(index, row, *pair, missing=missing) for row, pair in rows])
 
     def _number(self, index: int, row: int, cell: str, plain: str, *, missing: bool) -> float:
-        if missing and not cell.strip():
-            return np.nan
         try:
-            return float(plain if "_" not in cell else "")
+            return float("nan" if missing and not cell.strip() else "" if "_" in cell else plain)
         except ValueError:
             where = f"{columns.row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
         found = "the cell is empty, expected a number; fill it in or remove the row"

@@ -136,8 +136,8 @@ def restored_filter(fields: Mapping[str, Any] | None) -> Filter | None:
 
 def _turned(block: FloatArray, angle: FloatArray) -> FloatArray:
     """Turn the first two of three components (n, 3, ...) by angles (n,)."""
-    shape = (len(angle), *[1] * (block.ndim - 2))
-    c, s = np.cos(angle).reshape(shape), np.sin(angle).reshape(shape)
+    angle = angle.reshape(-1, *[1] * (block.ndim - 2))
+    c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * block[:, 0] - s * block[:, 1], s * block[:, 0] + c * block[:, 1], block[:, 2]], axis=1)
 
 
@@ -239,19 +239,16 @@ class Trial:
         """Return one line: name, role, samples, duration, rate and what moves the joints."""
         sampling = f"{len(self.time)} samples"
         if len(self.time) > 1:
-            sampling += f" in {float(self.time[-1] - self.time[0]):.4g} s ({1.0 / self.step:.4g} Hz)"
-        role = self.role or "not assigned"
+            sampling += f" in {float(np.ptp(self.time)):.4g} s ({1.0 / self.step:.4g} Hz)"
         beside = f", with {', '.join(sensor.name for sensor in self.sensors)}" if self.sensors else ""
+        role = self.role or "not assigned"
         return f"<Trial '{self.name}', role {role}: {sampling}{beside}, driven by {self.driven_by}>"
 
     @property
     def driven_by(self) -> str:
         """What moves the joints, in words."""
-        if self.wave is not None:
-            return "a wave"
-        if self.drive:
-            return "the CPG"
-        return "recorded commands" if self.commanded else "measured joint angles"
+        recorded = "recorded commands" if self.commanded else "measured joint angles"
+        return "a wave" if self.wave is not None else "the CPG" if self.drive else recorded
 
     @property
     def joints_measured(self) -> bool:
@@ -395,16 +392,15 @@ class Dataset:
 
     def summary(self) -> str:
         """Return at most ten lines: fish, stated noise, clock and the first trials."""
-        noise = "not stated"
-        if self.noise is not None:
-            named = zip(("surge", "sway", "yaw rate"), self.noise, ("m/s", "m/s", "rad/s"), strict=True)
-            noise = ", ".join(f"{name} {sigma:.3g} {unit}" for name, sigma, unit in named if sigma == sigma)
+        sigmas = [np.nan] * 3 if self.noise is None else self.noise
+        named = zip(("surge", "sway", "yaw rate"), sigmas, ("m/s", "m/s", "rad/s"), strict=True)
+        noise = ", ".join(f"{name} {sigma:.3g} {unit}" for name, sigma, unit in named if sigma == sigma)
         shown = self.trials if len(self.trials) <= _TRIALS_SHOWN else self.trials[: _TRIALS_SHOWN - 1]
         more = len(self.trials) - len(shown)
         return "\n".join(
             [
                 f"Dataset '{self.name}': fish '{self.fish.name}', {len(self.trials)} trials, clock {self.clock}",
-                f"  noise: {noise}",
+                f"  noise: {noise or 'not stated'}",
                 *(f"  {trial!r}" for trial in shown),
                 *([f"  and {more} more trials"] if more else []),
             ]
@@ -471,9 +467,8 @@ def principal_modes(root: FloatArray) -> FloatArray:
     flat = (root / np.maximum(scale, 1e-300)).reshape(series * samples, -1)
     vectors, values, _ = np.linalg.svd(flat, full_matrices=False)
     share = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-300)
-    kept = int(np.searchsorted(share, 1.0 - _LEFT_OUT)) + 1
-    modes = (vectors[:, :kept] * values[:kept]).reshape(series, samples, -1) * scale
-    return np.asarray(modes.transpose(2, 1, 0))
+    kept = slice(int(np.searchsorted(share, 1.0 - _LEFT_OUT)) + 1)
+    return np.asarray(((vectors[:, kept] * values[kept]).reshape(series, samples, -1) * scale).transpose(2, 1, 0))
 
 
 def errors_to_columns(trial: Trial) -> dict[str, FloatArray]:
@@ -482,16 +477,15 @@ def errors_to_columns(trial: Trial) -> dict[str, FloatArray]:
     Raises:
         InputError: they do not have its samples, velocities and joints.
     """
-    modes = np.asarray(trial.errors)
-    expected = (len(trial.time), len(_error_columns(trial)) - 2)
+    modes, names = np.asarray(trial.errors), _error_columns(trial)
+    expected = (len(trial.time), len(names) - 2)
     if modes.shape[1:] != expected:
         raise InputError(
             f"trial '{trial.name}': errors have the last axes {modes.shape[1:]}, expected {expected}: a row for every "
             "time, the three velocities and the joints; correct them"
         )
     number = np.repeat(np.arange(1.0, len(modes) + 1.0), len(trial.time))
-    rows = [number, np.tile(trial.time, len(modes)), *modes.reshape(-1, expected[1]).T]
-    return dict(zip(_error_columns(trial), rows, strict=True))
+    return dict(zip(names, [number, np.tile(trial.time, len(modes)), *modes.reshape(-1, expected[1]).T], strict=True))
 
 
 def errors_from_columns(numbers: Mapping[str, FloatArray], trial: Trial, source: Path) -> FloatArray:

@@ -207,8 +207,8 @@ def check_wave(time: FloatArray, wave: Wave, path: Path, key: str) -> None:
             f"{key}.amplitude: {wave.amplitude[far[0] - 1]:g} rad at joint {far[0]} is more than half a turn, expected "
             "radians; if these are degrees, multiply by pi/180"
         )
-    starting = "a wave with a ramp" if wave.ramp > 0.0 else ""
-    _check_span(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path, starting)
+    ramp = "a wave with a ramp" if wave.ramp > 0.0 else ""
+    _check_span(time, 1.0 / wave.frequency, f"frequency = {wave.frequency:g} Hz", path, ramp)
 
 
 def _check_span(time: FloatArray, period: float, stated: str, path: Path, starting: str) -> None:
@@ -230,11 +230,10 @@ def check_in_tank(pose: FloatArray, tank: Tank, source: Path) -> None:
     """Refuse a nose outside of the tank: its walls, or the poses, are then not what they seem."""
     outside = np.flatnonzero(tank.distance(pose) < 0.0)
     if len(outside):
-        first = int(outside[0])
-        x, y = pose[first, :2]
+        x, y = pose[outside[0], :2]
         raise InputError(
-            f"{columns.row_name(source, first)}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, x from "
-            f"{tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
+            f"{columns.row_name(source, int(outside[0]))}: x = {x:g} m, y = {y:g} m, expected a nose within the tank, "
+            f"x from {tank.x[0]:g} to {tank.x[1]:g} m, y from {tank.y[0]:g} to {tank.y[1]:g} m; correct tank or poses"
         )
 
 

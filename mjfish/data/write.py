@@ -169,11 +169,12 @@ def _validated(dataset: Dataset, raw: dict[str, Any]) -> dict[str, dict[str, Flo
             tables[str(entry.file)] = own
             for name, values in own.items():
                 columns.check_finite(values, Path(str(entry.file)), f"column '{columns.header(name)}'")
-            sensors = []
-            for place, (told, sensor) in enumerate(zip(entry.sensors, trial.sensors, strict=True), start=1):
+            for told, sensor in zip(entry.sensors, trial.sensors, strict=True):
                 tables[told.file] = dict(zip(("time", *sensor.channels), (sensor.time, *sensor.values.T), strict=True))
-                source = Path(told.file)
-                sensors.append(build_sensor(told, tables[told.file], dataset.fish, source, f"{key}.sensors.{place}"))
+            sensors = [
+                build_sensor(told, tables[told.file], dataset.fish, Path(told.file), f"{key}.sensors.{place}")
+                for place, told in enumerate(entry.sensors, start=1)
+            ]
             build_trial(entry, own, dataset.fish, Path(str(entry.file)), key, trial.tank, sensors)
             if entry.errors is not None:
                 tables[entry.errors] = errors_to_columns(trial)
@@ -184,17 +185,16 @@ def _columns(trial: Trial) -> dict[str, FloatArray]:
     """Return the arrays of a trial as columns by name."""
     samples = np.size(trial.time)
     told = np.flatnonzero(trial.measured)
-    names: list[tuple[tuple[str, ...], FloatArray]] = [(tuple(CHANNELS[k] for k in told), trial.velocity[:, told])]
+    names = {tuple(CHANNELS[k] for k in told): trial.velocity[:, told]}
     if trial.pose is not None:
         has_position = not np.isnan(trial.pose[:, :2]).all()
-        names.append((columns.POSE, trial.pose) if has_position else (("yaw",), trial.pose[:, 2:]))
+        names |= {columns.POSE: trial.pose} if has_position else {("yaw",): trial.pose[:, 2:]}
     if trial.roll is not None:
-        names.append((("roll",), np.reshape(trial.roll, (-1, 1))))
+        names["roll",] = np.reshape(trial.roll, (-1, 1))
     if trial.joint_angle is not None:
-        joints = np.shape(trial.joint_angle)[-1]
-        names.append((tuple(columns.joint(number + 1) for number in range(joints)), trial.joint_angle))
+        names[tuple(columns.joint(k + 1) for k in range(trial.joint_angle.shape[-1]))] = trial.joint_angle
     table = {"time": np.asarray(trial.time, dtype=np.float64)}
-    for labels, values in names:
+    for labels, values in names.items():
         if np.shape(values) != (samples, len(labels)):
             raise InputError(
                 f"trial '{trial.name}': {', '.join(labels)} have shape {np.shape(values)}, expected "

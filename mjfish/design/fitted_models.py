@@ -78,8 +78,13 @@ class FittedModels:
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> FittedModels:
         """Return what a diagnosis found."""
-        fits = {model.causes: model for model in diagnosis.fits}
-        return cls(diagnosis.dataset, diagnosis.effects, diagnosis.problem, _open_question(diagnosis), fits)
+        return cls(
+            diagnosis.dataset,
+            diagnosis.effects,
+            diagnosis.problem,
+            _open_question(diagnosis),
+            {model.causes: model for model in diagnosis.fits},
+        )
 
     @property
     def everything(self) -> Problem:
@@ -98,13 +103,11 @@ class FittedModels:
 
         It is fitted here, to all trials, where the diagnosis did not fit it, or not to its optimum.
         """
-        problem = self.everything if effect is None else self.extended(effect)
-        name = "" if effect is None else effect.name
+        name, problem = ("", self.everything) if effect is None else (effect.name, self.extended(effect))
         known = self.fits.get((name,) if name else ())
         if known is None:
-            return ModelEstimate.of_fit(
-                name, problem, self._nominal_fit if effect is None else self._fit_from_guesses(effect, problem)
-            )
+            found = self._nominal_fit if effect is None else self._fit_from_guesses(effect, problem)
+            return ModelEstimate.of_fit(name, problem, found)
         problem = replace(problem, model=replace(problem.model, step=known.step))
         start = problem.start(known.values)
         if known.converged:

@@ -101,10 +101,6 @@ class Information:
             moment[at] += run.moment
         return cls(names, gram, moment, sum(run.square for run in runs))
 
-    def __add__(self, other: Information) -> Information:
-        """Join runs."""
-        return Information.joined([self, other])
-
     def of_rival(self, rival: str) -> Information:
         """Return the sums of the columns that `column` named after a rival."""
         at = [i for i, name in enumerate(self.names) if name.startswith(column(rival, ""))]
@@ -161,7 +157,7 @@ class _OnMenu:
     def with_run(self, run: int | None) -> Information:
         """Return the information of the data, with that of a run more."""
         added = None if run is None else self.runs[run]
-        return self.data if added is None else self.data + added
+        return self.data if added is None else Information.joined([self.data, added])
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +218,8 @@ def _information(
     problem: Problem, here: dict[str, float], fixed: frozenset[str]
 ) -> tuple[list[Information], list[Information]]:
     """Return the information of every trial's velocities, and that of what stands behind them."""
-    names = [p.name for p in problem.parameters if p.name not in fixed]
-    velocities, beside = jacobians(problem, problem.start(here), names)
+    free = [p.name for p in problem.parameters if p.name not in fixed]
+    velocities, beside = jacobians(problem, problem.start(here), free)
     return [Information.of(*block) for block in velocities], [Information.of(*block) for block in beside]
 
 
@@ -302,7 +298,8 @@ def gain(data: Information, run: Information, k: str, l: str) -> Gain:  # noqa: 
     """
     columns, d = _coordinates(run)
     identity = np.eye(len(d))
-    p_k, p_l = (identity - _followed(data + run, columns, rival) for rival in (k, l))
+    both = Information.joined([data, run])
+    p_k, p_l = (identity - _followed(both, columns, rival) for rival in (k, l))
     error_k, error_l = (_error(data.of_rival(rival), columns) for rival in (k, l))
     t_k = identity + _covariance(error_k, data)
     raw = float(d @ p_l @ d)
@@ -406,8 +403,7 @@ def _linearised(model_estimate: ModelEstimate, runs: Sequence[Run]) -> _Linearis
         seen = eta[menu.mask(i)]
         white = menu.whitened(i, seen).ravel() if np.all(np.isfinite(seen)) else np.full(len(slopes), np.nan)
         shift = np.array([moved.get(name, 0.0) for name in own])
-        names = tuple(column(model_estimate.name, name) for name in own)
-        parts.append((white + slopes @ shift, names, slopes))
+        parts.append((white + slopes @ shift, tuple(column(model_estimate.name, name) for name in own), slopes))
     names = tuple(column(model_estimate.name, p.name) for p in free)
     return _Linearised(names, residual - jacobian @ step, jacobian, tuple(parts))
 

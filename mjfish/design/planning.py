@@ -163,14 +163,14 @@ class Plan(Result):
 
     def summary(self) -> str:
         """Return question, advice and the first options, a line each."""
-        lines = [f"Plan for {self.dataset} ({self.status}): {self.question.why}", self.message]
-        for option in self.options[:_LISTED]:
-            pair = option.worst
-            after = "measured directly" if pair.settled else f"{pair.now:.3g} now, {pair.after:.3g} after"
-            lines.append(f"  {option.name}: {after}")
-        if len(self.options) > _LISTED:
-            lines.append(f"  and {len(self.options) - _LISTED} more")
-        return "\n".join(lines)
+        head = f"Plan for {self.dataset} ({self.status}): {self.question.why}"
+        listed = ((option.name, option.worst) for option in self.options[:_LISTED])
+        options = [
+            f"  {name}: " + ("measured directly" if pair.settled else f"{pair.now:.3g} now, {pair.after:.3g} after")
+            for name, pair in listed
+        ]
+        more = [f"  and {len(self.options) - _LISTED} more"] if len(self.options) > _LISTED else []
+        return "\n".join([head, self.message, *options, *more])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, the content of ``plan.json``."""
@@ -247,21 +247,21 @@ def _planned(known: FittedModels, question: Question, menu: Menu, progress: Prog
     """Return the options for a question, ranked."""
     tried = _causes(known, question)
     question = replace(question, names=tuple(effect.name for effect in tried))
-    runs = menu.runs(known.dataset)
-    if question.purpose == "separate":
-        models = known.estimates(tried, progress)
-        progress("trying the runs of the menu", 0.5)
+    runs, separate = menu.runs(known.dataset), question.purpose == "separate"
+    models = known.estimates(tried if separate else (), progress)
+    progress("trying the runs of the menu", 0.5)
+    if separate:
         pairs = separations(models, runs)
         options = _ranked(_calibrations(tried, pairs)) + _ranked(_separating(pairs, _sizes(models), runs, menu.pause))
     else:
-        models = known.estimates((), progress)
-        progress("trying the runs of the menu", 0.5)
         options = _ranked(_revealing(detection(models[0], tried, runs), tried, runs, menu.pause))
     progress("done", 1.0)
-    converged = all(model.converged for model in models)
+    fitted: Literal["ok", "fit_not_converged"] = (
+        "ok" if all(model.converged for model in models) else "fit_not_converged"
+    )
     return Plan(
         dataset=known.dataset.name,
-        status="nothing_to_offer" if not options else "ok" if converged else "fit_not_converged",
+        status=fitted if options else "nothing_to_offer",
         message=_message(question, options),
         question=question,
         options=options,
@@ -311,11 +311,10 @@ def _separating(
 ) -> Iterator[Option]:
     """Yield the runs, worth the smallest gain of lambda of any pair a second."""
     for i, run in enumerate(runs):
-        if any(pair.runs[i] is None for pair in pairs):
-            continue
-        effects = tuple(_pair(pair, i) for pair in pairs)
-        told = tuple(_hardest(rival, *size, pairs, i) for rival, size in sizes.items())
-        yield _of_run(run, pause, min(pair.after - pair.now for pair in effects), effects, told)
+        if all(pair.runs[i] is not None for pair in pairs):
+            effects = tuple(_pair(pair, i) for pair in pairs)
+            told = tuple(_hardest(rival, *size, pairs, i) for rival, size in sizes.items())
+            yield _of_run(run, pause, min(pair.after - pair.now for pair in effects), effects, told)
 
 
 def _sizes(models: Sequence[ModelEstimate]) -> dict[str, tuple[Parameter, float]]:
@@ -349,17 +348,15 @@ def _calibrations(rivals: Sequence[Effect], pairs: Sequence[Separation]) -> Iter
     """Yield the calibrations that settle a pair, the quickest first, worth as many as they settle."""
     for calibration in CALIBRATIONS:
         names = {effect.name for effect in rivals if calibration_of(effect) == calibration}
-        if not names:
-            continue
         done = tuple(
             replace(pair, after=np.inf, probability_after=1.0, settled=True)
             if names & {pair.first, pair.second}
             else pair
             for pair in (_pair(pair, None) for pair in pairs)
         )
-        about = f"{calibration.about}: measures {', '.join(sorted(names))} directly"
-        worth = float(sum(pair.settled for pair in done))
-        yield Option("calibration", calibration.name, about, 0.0, worth, done)
+        if settled := sum(pair.settled for pair in done):
+            about = f"{calibration.about}: measures {', '.join(sorted(names))} directly"
+            yield Option("calibration", calibration.name, about, 0.0, float(settled), done)
 
 
 def calibration_of(effect: Effect) -> Calibration | None:
@@ -377,9 +374,7 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
         if np.all(np.isfinite(list(sizes.values())))
     }
     apart = found.isolability(causes)
-    for i, run in enumerate(runs):
-        if found.runs[i] is None or not best:
-            continue
+    for i in (i for i, added in enumerate(found.runs) if best and added is not None):
         pairs = tuple(Pair(p, "", now[cause][p], found.sizes(cause, i)[p]) for cause, p in best.items())
         after = found.isolability(causes, i, apart.amplitudes)
         told = tuple(
@@ -387,7 +382,7 @@ def _revealing(found: Detection, causes: Sequence[Effect], runs: Sequence[Run], 
             for k, l in apart.hardest(_HARDEST)  # noqa: E741 - the equation's
         )
         gain = min(float(np.log(pair.now / pair.after)) for pair in pairs)
-        yield _of_run(run, pause, gain + min((pair.gain for pair in told), default=0.0), pairs, told)
+        yield _of_run(runs[i], pause, gain + min((pair.gain for pair in told), default=0.0), pairs, told)
 
 
 def _remarks(dataset: Dataset, options: Sequence[Option]) -> tuple[str, ...]:
@@ -408,11 +403,8 @@ def _message(question: Question, options: Sequence[Option]) -> str:
         return "Nothing on the menu would help: the fish has no run that it can swim, or every cause is undetectable."
     calibrations = [option for option in options if option.kind == "calibration"]
     runs = [option for option in options if option.kind == "run"]
-    parts = [
-        f"First {calibration.name}, which costs no swimming: {calibration.about}." for calibration in calibrations[:1]
-    ]
-    parts += [_advice(question, best, "Of the runs, " if calibrations else "") for best in runs[:1]]
-    return " ".join(parts)
+    first = [f"First {best.name}, which costs no swimming: {best.about}." for best in calibrations[:1]]
+    return " ".join([*first, *(_advice(question, best, "Of the runs, " if calibrations else "") for best in runs[:1])])
 
 
 def _advice(question: Question, best: Option, lead: str) -> str:
@@ -435,15 +427,16 @@ def _advice(question: Question, best: Option, lead: str) -> str:
 
 def _isolability_text(pair: Isolated) -> str:
     unit = "" if pair.unit == "-" else f" {pair.unit}"
-    sizes = f"{pair.after:.2g}{unit} on ({pair.now:.2g}{unit} now)"
-    return f"After it, {pair.amplitude} is told from {pair.beside} from {sizes}."
+    return (
+        f"After it, {pair.amplitude} is told from {pair.beside} from {pair.after:.2g}{unit} on ({pair.now:.2g}{unit} "
+        "now)."
+    )
 
 
 def percent(probability: float) -> str:
     """Return a probability as text, never as a certainty that it is not."""
-    if math.isnan(probability):
-        return ""
-    return "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"
+    known = "> 99 %" if 0.995 <= probability < 1.0 else f"{100.0 * probability:.0f} %"
+    return "" if math.isnan(probability) else known
 
 
 #: Samples a second of the command.
@@ -477,14 +470,12 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
         raise InputError(
             f"{dataset.name}: was not read from a dataset.toml, which the new one is made from; save it first"
         )
-    folder = folder.resolve()
     raw = tomlfile.table(dataset.source)
-    shipped = raw["fish"] in fishes.shipped()
-    own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
     with new_folder(folder) as partial:
-        if not shipped:
-            raw["fish"] = _FISH
+        if raw["fish"] not in fishes.shipped():
+            own_fish = load_fish(raw["fish"], relative_to=dataset.source.parent)  # as its file has it, without [start]
             (partial / _FISH).write_text(fish_text(own_fish), encoding="utf-8")
+            raw["fish"] = _FISH
         for name in _files(raw["trials"]):
             (partial / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(dataset.source.parent / name, partial / name)
@@ -492,7 +483,7 @@ def write_next_run(dataset: Dataset, plan: Plan, folder: Path) -> Path:
         (partial / FILE).write_text(tomlfile.text(raw), encoding="utf-8")
         (partial / _LIST).write_text("\n".join(_record_list(plan, run)) + "\n", encoding="utf-8")
         write_table(partial / f"{run.name}.command.csv", _command(dataset.fish.cpg, run))
-    return folder / FILE
+    return folder.resolve() / FILE
 
 
 def _files(entries: list[dict[str, Any]]) -> set[str]:
@@ -519,22 +510,24 @@ def _command(cpg: Cpg, run: Run) -> dict[str, Any]:
 
 
 def _record_list(plan: Plan, run: Run) -> Sequence[str]:
-    interval = run.trial.step
-    lines = [f"# {run.name}", "", plan.question.why, plan.message, ""]
-    if plan.calibrations:
-        lines += ["## Before swimming", ""]
-        lines += [f"- [ ] {option.name}: {option.about}" for option in plan.calibrations]
-        lines += [""]
-    lines += ["## Swim", "", "- [ ] Let the water come to rest; the fish lies still, straight, nose along +x."]
-    for segment in run.trial.drive:
-        bias = ", ".join(f"{b:.3g}" for b in segment.bias)
-        lines.append(f"- [ ] At {segment.start:.3g} s: omega {segment.omega:.4g} rad/s, bias {bias}.")
-    lines += [
+    calibrations = [f"- [ ] {option.name}: {option.about}" for option in plan.calibrations]
+    segments = [(s.start, s.omega, ", ".join(f"{b:.3g}" for b in s.bias)) for s in run.trial.drive]
+    return [
+        f"# {run.name}",
+        "",
+        plan.question.why,
+        plan.message,
+        "",
+        *(["## Before swimming", "", *calibrations, ""] if calibrations else []),
+        "## Swim",
+        "",
+        "- [ ] Let the water come to rest; the fish lies still, straight, nose along +x.",
+        *(f"- [ ] At {start:.3g} s: omega {omega:.4g} rad/s, bias {bias}." for start, omega, bias in segments),
         f"- [ ] Stop at {run.trial.time[-1]:.4g} s. The joint angles are in `{run.name}.command.csv`.",
         "",
         f"## Record, in `{run.name}.csv`",
         "",
-        f"- [ ] Every {interval:.4g} s from 0 s on, the drive's start: columns "
+        f"- [ ] Every {run.trial.step:.4g} s from 0 s on, the drive's start: columns "
         + ", ".join(f"`{columns.header(name)}`" for name in ("time", *CHANNELS))
         + ".",
         "- [ ] The same camera, markers and clock as in the runs before; of the nose, x forward, y to port, z up.",
@@ -542,4 +535,3 @@ def _record_list(plan: Plan, run: Run) -> Sequence[str]:
         "",
         "Then `mjfish diagnose` this folder.",
     ]
-    return lines

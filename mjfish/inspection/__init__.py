@@ -5,8 +5,8 @@ cannot show. Nothing here raises for bad data that `mjfish.load_dataset` accepts
 """
 
 from mjfish.inspection.after_fit import inspect_fit
-from mjfish.inspection.before_fit import DataReport, inspect, report_on
-from mjfish.inspection.finding import EVERYTHING, Finding, Inspection, Severity
+from mjfish.inspection.before_fit import DataReport, Inspection, inspect, report_on
+from mjfish.inspection.finding import EVERYTHING, Finding, Severity
 from mjfish.inspection.kinematics import Compatibility, compatibility
 from mjfish.inspection.repeats import Repeats, noise_from_repeats
 

@@ -28,10 +28,11 @@ from mjfish.effects import Effect
 from mjfish.estimation import Fit, Problem
 from mjfish.estimation.clocks import WALK, clocked
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection.finding import Finding, Inspection, changed
+from mjfish.inspection.before_fit import Inspection
+from mjfish.inspection.finding import Finding, changed
 from mjfish.inspection.nominal_simulation import labels, shifted
-from mjfish.inspection.sampling import sampled_enough
-from mjfish.noise import DifferentiationNoise, Noise
+from mjfish.inspection.runs import sampled_enough
+from mjfish.noise import DifferentiationNoise
 from mjfish.numerics.arrays import FloatArray, readonly, robust_sigma
 
 #: Shifts that are tried, in samples; a CPG goes on for a quarter of a second behind the last sample.
@@ -74,12 +75,24 @@ def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Fi
     for trial in trials:
         if trial.name not in wrong and not (problem.walk and trial in held):  # nobody knows its walk
             offset = values.get(f"{trial.name}:clock.offset", 0.0)
-            when = SHIFTS * trial.step
-            predicted = shifted(problem.model, clocked(trial, values), shared, when, offset=offset)
+            predicted = shifted(problem.model, clocked(trial, values), shared, SHIFTS * trial.step, offset=offset)
             if predicted is not None:
                 found += clock(trial, predicted, sigma)
-    if not any(finding.trials for finding in found):
-        found += differentiated(problem.noise)
+    noise = problem.noise
+    if isinstance(noise, DifferentiationNoise) and not any(finding.trials for finding in found):
+        found.append(
+            Finding(
+                "velocity-differentiated",
+                "remark",
+                " and ".join(CHANNELS),
+                "the noise has the spectrum of differentiated positions, smoothed by a filter of "
+                f"{noise.window} samples (Savitzky-Golay, order {noise.degree}, or like it)",
+                "noise of a velocity that was measured",
+                "give the positions, which are compared as they are; a filter delays and rounds what it smooths, and "
+                "one that is not centred looks like a clock offset of half its length",
+                channels=CHANNELS,
+            )
+        )
     return found
 
 
@@ -133,8 +146,8 @@ def clock(trial: Trial, predicted: FloatArray, sigma: FloatArray) -> Iterator[Fi
             trials=(trial.name,),
         )
     elif jump:
-        resumed = partial(_resumed, at=when, by=jump * step)
         what = f"{jump} frames were lost" if jump > 0 else f"{-jump} frames were counted twice"
+        resumed = {trial.name: partial(_resumed, at=when, by=jump * step)}
         yield Finding(
             "clock-jump",
             "blocks" if abs(jump) > 1 else "suspect",
@@ -144,7 +157,7 @@ def clock(trial: Trial, predicted: FloatArray, sigma: FloatArray) -> Iterator[Fi
             "times that go on evenly with the command",
             "number the frames by their time stamps and say gaps = true, or cut the run there",
             trials=(trial.name,),
-            corrected=partial(changed, changes={trial.name: resumed}) if jump > 0 else None,
+            corrected=partial(changed, changes=resumed) if jump > 0 else None,
         )
 
 
@@ -157,29 +170,9 @@ def _drift(misfit: FloatArray) -> tuple[float, tuple[int, int]]:
     """Return the least misfit with a shift that goes evenly from one to another, and the two (indices)."""
     shifts, n = misfit.shape
     share = np.linspace(0.0, 1.0, n)
-
-    def left(ends: tuple[int, int]) -> float:
-        at = np.rint(ends[0] + (ends[1] - ends[0]) * share).astype(np.intp)
-        return float(misfit[at, np.arange(n)].sum())
-
-    best = min(((a, b) for a in range(shifts) for b in range(shifts) if abs(a - b) > 1), key=left)
-    return left(best), best
-
-
-def differentiated(noise: Noise) -> Iterator[Finding]:
-    """Yield the remark that the noise of the velocities is that of differentiated positions, where it is."""
-    if isinstance(noise, DifferentiationNoise):
-        yield Finding(
-            "velocity-differentiated",
-            "remark",
-            " and ".join(CHANNELS),
-            f"the noise has the spectrum of differentiated positions, smoothed by a filter of {noise.window} samples "
-            f"(Savitzky-Golay, order {noise.degree}, or like it)",
-            "noise of a velocity that was measured",
-            "give the positions, which are compared as they are; a filter delays and rounds what it smooths, and one "
-            "that is not centred looks like a clock offset of half its length",
-            channels=CHANNELS,
-        )
+    ends = [(a, b) for a in range(shifts) for b in range(shifts) if abs(a - b) > 1]
+    at = (np.rint(a + (b - a) * share).astype(np.intp) for a, b in ends)
+    return min((float(misfit[shift, np.arange(n)].sum()), own) for shift, own in zip(at, ends, strict=True))
 
 
 #: P value of any number, corrected for how many are asked, below which it is said.

@@ -1,11 +1,11 @@
-"""Tests of the data that need no fit: what `diagnose` runs first.
+"""All findings about a dataset, and tests of the data that need no fit: what `diagnose` runs first.
 
 And the report on a dataset before anything is fitted to it: its runs, the findings, the causes that it cannot show.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,98 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial, load_dataset
 from mjfish.data.trial import for_looking
-from mjfish.effects import Causes, catalogue, of_fish
+from mjfish.effects import Causes, Effect, catalogue, of_fish
 from mjfish.estimation.clocks import aligned, beat
+from mjfish.files.plain_data import plain
 from mjfish.files.result import Result
 from mjfish.fish.frames import CHANNELS
-from mjfish.inspection.finding import EVERYTHING, Finding, Inspection
-from mjfish.inspection.joint_jumps import unresolved
-from mjfish.inspection.kinematics import compatibility, disagreements
+from mjfish.inspection.finding import EVERYTHING, SEVERITIES, Finding, Severity
+from mjfish.inspection.kinematics import Compatibility, compatibility, disagreements
 from mjfish.inspection.nominal_simulation import against_simulation
 from mjfish.inspection.poses import pose_findings
-from mjfish.inspection.repeats import noise_from_repeats, repeat_findings
-from mjfish.inspection.runs import missing_runs
-from mjfish.inspection.samples import copies, interpolated, outliers, stuck
-from mjfish.inspection.sampling import coarse, retimed, sampled_enough, time_factor, time_units
+from mjfish.inspection.repeats import Repeats, noise_from_repeats, repeat_findings
+from mjfish.inspection.runs import coarse, missing_runs, retimed, sampled_enough, time_factor, time_units
+from mjfish.inspection.samples import copies, interpolated, outliers, stuck, unresolved
+
+#: What is looked at, where the channels for it were measured.
+_TESTED = (
+    "mjfish.inspect looks at signs, units, labels, clocks, sampling, starts, copies, outliers, joints, places, repeats "
+    "and missing runs"
+)
+
+
+@dataclass(frozen=True, repr=False)
+class Inspection(Result):
+    """All findings about a dataset.
+
+    Attributes:
+        findings: worst first, else in the order in which they were found.
+        compatibility: of pose and velocity, where both were measured; None else.
+        repeats: the noise that repeated runs show; None where no run was repeated.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    compatibility: Compatibility | None = None
+    repeats: Repeats | None = None
+
+    @classmethod
+    def of(
+        cls,
+        findings: Iterable[Finding],
+        effects: Mapping[str, Effect],
+        compatibility: Compatibility | None = None,
+        repeats: Repeats | None = None,
+    ) -> Inspection:
+        """Return the findings in order, each with the causes that it concerns."""
+        concerned = [replace(finding, cannot_tell=_concerned(finding, effects)) for finding in findings]
+        return cls(_ordered(concerned), compatibility, repeats)
+
+    @property
+    def severity(self) -> Severity | None:
+        """The worst severity; None where nothing was found."""
+        return self.findings[0].severity if self.findings else None
+
+    @property
+    def blocks(self) -> tuple[Finding, ...]:
+        """Findings with which no verdict can be given."""
+        return tuple(finding for finding in self.findings if finding.severity == "blocks")
+
+    def joined(self, other: Inspection) -> Inspection:
+        """Return the findings of both; those that are in both once."""
+        return Inspection(
+            _ordered([*self.findings, *(finding for finding in other.findings if finding not in self.findings)]),
+            self.compatibility or other.compatibility,
+            self.repeats or other.repeats,
+        )
+
+    def changed(self, findings: Mapping[Finding, Finding]) -> Inspection:
+        """Return the inspection with other findings in the place of some."""
+        return replace(self, findings=_ordered(findings.get(finding, finding) for finding in self.findings))
+
+    def summary(self) -> str:
+        """Return what was looked at, how many findings there are, and the worst of them, a line each."""
+        if not self.findings:
+            return f"Nothing was found in the data ({_TESTED})."
+        counts = [(sum(f.severity == severity for f in self.findings), severity) for severity in SEVERITIES]
+        head = ", ".join(f"{count} {severity}" for count, severity in counts if count)
+        lines = [f"{finding.severity}: {finding.code}: {finding.place}: {finding.found}" for finding in self.findings]
+        lines[7:] = [f"and {len(lines) - 7} more"] if len(lines) > 7 else []
+        return "\n".join([f"Findings: {head} ({_TESTED}).", *lines])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the findings as plain data."""
+        return {"severity": self.severity, **super().to_dict()}
+
+
+def _concerned(finding: Finding, effects: Mapping[str, Effect]) -> tuple[str, ...]:
+    if finding.severity == "blocks" or finding.code == "design-one-run":  # it leaves no cause to be told either
+        return (EVERYTHING,)
+    return tuple(sorted(name for name, effect in effects.items() if effect.unclear_under(finding.code)))
+
+
+def _ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Sort findings, the worst first; the order is kept among equals."""
+    return tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity)))
 
 
 def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection:
@@ -58,7 +137,7 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     known = catalogue(effects)
     complete, others = ([trial for trial in dataset.trials if trial.measured.all() == whole] for whole in (True, False))
     beside = [
-        *time_units(others, {trial.name: time_factor(trial) for trial in others}),
+        *time_units(others),
         *pose_findings(dataset),
         *(one for trial in others for one in unresolved(trial)),
     ]
@@ -68,10 +147,9 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     found = [finding for trial in read for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     found += coarse([trial for trial in read if trial.name not in silent])
-    factors = {trial.name: time_factor(trial) for trial in read}
-    found += [*time_units(read, factors), *wave_frequencies(complete)]
+    found += [*time_units(read), *wave_frequencies(complete)]
     # Other units show only where the times are right.
-    timed = {trial.name: retimed(trial, factors[trial.name]) for trial in read}
+    timed = {trial.name: retimed(trial, time_factor(trial)) for trial in read}
     trials = [trial for name, trial in timed.items() if name not in silent]
     fine = [trial for trial in trials if sampled_enough(trial)]
     lines = [line for line in map(interpolated, fine) if line is not None]
@@ -83,8 +161,7 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     misread = {name for finding in found if not finding.code.startswith(harmless) for name in finding.trials}
     found += outliers([line for line in lines if line.trial.name not in misread])
     pair = compatibility(trials)
-    if pair is not None:
-        found += disagreements(pair)
+    found += disagreements(pair) if pair is not None else ()
     spoiled = {
         name
         for finding in found
@@ -92,8 +169,7 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
         for name in finding.trials
     }
     repeats = noise_from_repeats(replace(dataset, trials=tuple(timed.values())), leave_out=spoiled)
-    if repeats is not None:
-        found += repeat_findings(repeats)
+    found += repeat_findings(repeats) if repeats is not None else ()
     every = replace(dataset, trials=tuple(timed.get(trial.name, trial) for trial in dataset.trials))
     return Inspection.of([*beside, *found, *missing_runs(every, known)], known, pair, repeats)
 
@@ -204,9 +280,7 @@ def _of_trial(trial: Trial, *, held_out: bool) -> dict[str, Any]:
     Of places and headings, the velocities of the smoothed path.
     """
     trial = for_looking(trial)
-    measured = trial.measured
-    velocity = np.where(measured, np.nan_to_num(trial.velocity), np.nan)
-    mean, rms = velocity.mean(axis=0), np.sqrt(np.square(velocity).mean(axis=0))
+    velocity = np.where(trial.measured, np.nan_to_num(trial.velocity), np.nan)
     return {
         "name": trial.name,
         "held_out": held_out,
@@ -216,6 +290,6 @@ def _of_trial(trial: Trial, *, held_out: bool) -> dict[str, Any]:
         "driven_by": trial.driven_by,
         "pose": trial.pose is not None,
         "sensors": [sensor.name for sensor in trial.sensors],
-        "mean": {name: float(mean[k]) if measured[k] else None for k, name in enumerate(CHANNELS)},
-        "rms": {name: float(rms[k]) if measured[k] else None for k, name in enumerate(CHANNELS)},
+        "mean": dict(zip(CHANNELS, plain(velocity.mean(axis=0)), strict=True)),
+        "rms": dict(zip(CHANNELS, plain(np.sqrt(np.square(velocity).mean(axis=0))), strict=True)),
     }

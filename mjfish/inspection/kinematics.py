@@ -22,7 +22,7 @@ scale is the same at all frequencies.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,9 +118,8 @@ def _explained(
 ) -> tuple[dict[str, Estimated], int]:
     """Return the estimates, and over how many samples central differences explain a scale below 1; 0: they do not."""
     plain, most = fit(windows, 0)
-    if not _is_off("scale", plain["scale"]) or plain["scale"].value > 1.0:
-        return plain, 0
-    for reach in _DIFFERENCES:
+    smaller = plain["scale"].value <= 1.0 and _is_off("scale", plain["scale"])
+    for reach in _DIFFERENCES if smaller else ():
         estimates, left = fit(windows, reach)
         lost = _INDEPENDENT * len(left) * math.log((left @ left) / (most @ most))
         if not _is_off("scale", estimates["scale"]) and lost < _AS_GOOD:
@@ -167,40 +166,38 @@ class _Window:
     def _inside(self, shift: float) -> FloatArray:
         return np.clip((self.time + shift - self.centres[:, None]) / self.half, -1.0, 1.0)
 
-    @property
-    def weight(self) -> FloatArray:
-        """Return the trapezium rule (n,); for functions that vanish at the ends it converges faster than any power."""
-        return np.gradient(self.time)
 
-
-def _windows(trial: Trial, pose: FloatArray) -> list[_Window]:
+def _windows(trial: Trial, pose: FloatArray) -> Iterator[_Window]:
     """Cut a trial at its gaps and at the steps of its drive, where the velocity jumps."""
-    time, half = trial.time, max(_HALF_WIDTH, _FEWEST * trial.step)
-    cuts = np.flatnonzero(np.diff(time) > GAP * trial.step) + 1
-    cuts = np.union1d(cuts, np.searchsorted(time, [segment.start for segment in trial.drive[1:]]))
-    yaw, found = np.unwrap(pose[:, 2]), []
+    time, half, yaw = trial.time, max(_HALF_WIDTH, _FEWEST * trial.step), np.unwrap(pose[:, 2])
+    steps = np.searchsorted(time, [segment.start for segment in trial.drive[1:]])
+    cuts = np.union1d(np.flatnonzero(np.diff(time) > GAP * trial.step) + 1, steps)
     for rows in np.split(np.arange(len(time)), cuts):
         if len(rows) >= 5 * _FEWEST and time[rows[-1]] - time[rows[0]] >= 5.0 * half:
             # The first samples after a start from rest hold the jump of an impulsive start.
             centres = np.arange(time[rows[0]] + 2.5 * half, time[rows[-1]] - 1.5 * half, 0.5 * half)
             here, spline = time[rows], make_interp_spline(time[rows], yaw[rows], k=3)
-            found.append(_Window(here, pose[rows, :2], yaw[rows], trial.velocity[rows], spline, centres, half))
-    return found
+            yield _Window(here, pose[rows, :2], yaw[rows], trial.velocity[rows], spline, centres, half)
 
 
 def _translation(windows: Sequence[_Window], reach: int) -> _Fitted:
     (cosine, sine, surge, sway, skew), errors, left = _fitted(_translated, windows, reach)
     scale = math.hypot(cosine, sine)
     jacobian = np.array([[cosine, sine], [-sine / scale, cosine / scale]]) / scale
-    spread = np.sqrt(np.diag(jacobian @ errors[:2, :2] @ jacobian.T))
-    numbers = (scale, math.atan2(sine, cosine), surge, sway, skew)
-    names = ("scale", "rotation", "surge_bias", "sway_bias", "skew")
-    return _estimates(names, numbers, [*spread, *np.sqrt(np.diag(errors)[2:])]), left
+    of_scale, of_rotation = np.sqrt(np.diag(jacobian @ errors[:2, :2] @ jacobian.T)).tolist()
+    of_surge, of_sway, of_skew = np.sqrt(np.diag(errors)[2:]).tolist()
+    return {
+        "scale": Estimated(scale, of_scale),
+        "rotation": Estimated(math.atan2(sine, cosine), of_rotation),
+        "skew": Estimated(skew, of_skew),
+        "surge_bias": Estimated(surge, of_surge),
+        "sway_bias": Estimated(sway, of_sway),
+    }, left
 
 
 def _translated(window: _Window, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
     """Return left side (2m,) and columns (2m, 4) for s cos a, s sin a and both biases."""
-    bump, weight = window.bump(shift), window.weight
+    bump, weight = window.bump(shift), np.gradient(window.time)
     inside = np.clip(window.time + shift, window.time[0], window.time[-1])
     left = (bump * weight) @ frames.to_world(window.velocity[:, :2], window.yaw_at(inside))
     moved = -(window.bump_rate(reach) * weight) @ window.position
@@ -214,28 +211,26 @@ def _translated(window: _Window, shift: float, reach: int) -> tuple[FloatArray, 
 
 def _turning(windows: Sequence[_Window], reach: int) -> _Fitted:
     numbers, errors, left = _fitted(_turned, windows, reach)
-    return _estimates(("scale", "bias", "skew"), numbers, np.sqrt(np.diag(errors))), left
+    scale, bias, skew = map(Estimated, numbers, np.sqrt(np.diag(errors)).tolist())
+    return {"scale": scale, "skew": skew, "bias": bias}, left
 
 
 def _turned(window: _Window, shift: float, reach: int) -> tuple[FloatArray, FloatArray]:
     """Return left side (m,) and columns (m, 2) for the gain and the bias of the yaw rate."""
-    moved = -(window.bump_rate(reach) * window.weight) @ window.yaw
-    left = (window.bump(shift) * window.weight) @ window.velocity[:, 2]
-    return left, np.stack([moved, window.bump(0.0) @ window.weight], axis=1)
-
-
-def _estimates(names: Sequence[str], numbers: Iterable[float], errors: Iterable[float]) -> dict[str, Estimated]:
-    every = zip(names, numbers, errors, strict=True)
-    found = {name: Estimated(float(value), float(error)) for name, value, error in every}
-    return {name: found[name] for name in _LEAST if name in found}
+    weight = np.gradient(window.time)
+    moved = -(window.bump_rate(reach) * weight) @ window.yaw
+    return (window.bump(shift) * weight) @ window.velocity[:, 2], np.stack([moved, window.bump(0.0) @ weight], axis=1)
 
 
 def _fitted(
     sides: Callable[[_Window, float, int], tuple[FloatArray, FloatArray]], windows: Sequence[_Window], reach: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[list[float], FloatArray, FloatArray]:
     """Fit columns and shift by Gauss-Newton.
 
-    Returns coefficients and the shift [s] (k + 1,), their covariance (k + 1, k + 1), and the residual.
+    Returns coefficients and the shift [s] (k + 1), their covariance (k + 1, k + 1), and the residual.
+
+    Integrals are sums by the trapezium rule, which converges faster than any power for functions that vanish at the
+    ends.
 
     The covariance is a sandwich that allows for errors that are correlated within a stretch ([Newey1987]): with
     Bartlett's kernel, that of sums over as many rows as it has lags.
@@ -264,17 +259,16 @@ def _fitted(
     sums = np.concatenate([signal.oaconvolve(own, long, axes=0) for own in moments]) / math.sqrt(len(long))
     bread = np.linalg.pinv(design.T @ design)
     covariance = bread @ (sums.T @ sums) @ bread + 1e-30 * np.eye(len(bread))
-    return np.array([*solution[:-1], shift]), covariance, residual
+    return [*solution[:-1].tolist(), shift], covariance, residual
 
 
 def _derived(trial: Trial, pose: FloatArray) -> bool:
     """Whether the yaw rate is a finite filter of the yaw (up to 12 samples to either side) to a millionth."""
-    yaw, rate = np.unwrap(pose[:, 2]), trial.velocity[:, 2]
-    taps = 25
+    yaw, taps = np.unwrap(pose[:, 2]), 25
     if len(yaw) < 4 * taps or trial.gaps:
         return False
     lagged = np.lib.stride_tricks.sliding_window_view(yaw - yaw.mean(), taps)
-    target = rate[taps // 2 : taps // 2 + len(lagged)]
+    target = trial.velocity[taps // 2 : taps // 2 + len(lagged), 2]
     return bool(np.std(target - lagged @ np.linalg.lstsq(lagged, target)[0]) < 1e-6 * np.std(target) + 1e-12)
 
 

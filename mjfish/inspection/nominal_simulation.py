@@ -21,7 +21,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +63,7 @@ _BEATS = 5.0
 _MOVING = 0.5
 
 
-def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -> list[Finding]:
+def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -> Iterator[Finding]:
     """Hold trials against the nominal simulation: starts, units, signs; where these are right, labels.
 
     Args:
@@ -72,27 +71,25 @@ def against_simulation(fish: Fish, trials: Sequence[Trial], noise: FloatArray) -
         trials: of which motions can be recognised.
         noise: (3,) sigma.
     """
-    model, found = Model(fish), list[Finding]()
-    declared, starts = dict(fish.values), {p.name: p.start for p in fish.parameters}
+    model, declared, starts = Model(fish), dict(fish.values), {p.name: p.start for p in fish.parameters}
     sets = [declared] if declared == starts else [declared, starts]
     sizes, correlations = dict[str, FloatArray](), dict[str, FloatArray]()
     for trial in trials:
-        blank = replace(trial, pose=None)
-        every = (shifted(model, blank, values, _CLOCK_SHIFTS, velocity=trial.first_velocity) for values in sets)
+        blank, start = replace(trial, pose=None), trial.first_velocity
+        every = (shifted(model, blank, values, _CLOCK_SHIFTS, velocity=start) for values in sets)
         guesses = [guess for guess in every if guess is not None]
         if not guesses:
             continue
         unshifted = [guess[len(_CLOCK_SHIFTS) // 2] for guess in guesses]
         nearest = min(unshifted, key=lambda guess: float(np.sum((trial.velocity[:, 0] - guess[:, 0]) ** 2)))
         own = list(start_findings(trial, nearest, noise))
-        found += own
+        yield from own
         if not any(finding.severity == "blocks" for finding in own):
             sizes[trial.name], correlations[trial.name] = _size(trial, unshifted), _scores(trial, guesses)
     turned = [*units(sizes), *signs(correlations)]
-    found += turned
+    yield from turned
     if not turned:  # a run that is read wrongly has no label to speak of
-        found += labels(model, [trial for trial in trials if trial.drive and trial.name in sizes], sets)
-    return found
+        yield from labels(model, [trial for trial in trials if trial.drive and trial.name in sizes], sets)
 
 
 def shifted(
@@ -118,22 +115,8 @@ def shifted(
     return np.asarray(rollout.at(inside.ravel())[:, :3].reshape(*when.shape, 3))
 
 
-class Reading(NamedTuple):
-    """How the channels of a trial may have to be read.
-
-    Attributes:
-        order: the column that each channel is in.
-        factors: signs of surge, sway, yaw rate.
-    """
-
-    order: tuple[int, int, int]
-    factors: tuple[int, int, int]
-
-
-#: The first is as they are.
-READINGS = tuple(
-    Reading(order, (a, b, c)) for order in ((0, 1, 2), (1, 0, 2)) for a, b, c in itertools.product((1, -1), repeat=3)
-)
+#: How the channels of a trial may have to be read: the column that each is in, and its sign; the first as they are.
+READINGS = [*itertools.product(((0, 1, 2), (1, 0, 2)), itertools.product((1, -1), repeat=3))]
 _ORDERS, _SIGNS = (np.array(each) for each in zip(*READINGS, strict=True))
 
 
@@ -154,17 +137,17 @@ def signs(found: Mapping[str, FloatArray]) -> Iterator[Finding]:
     Args:
         found: `_scores` by the trial's name.
     """
-    wrong: dict[Reading, list[str]] = {}
-    for name, score in found.items():
-        if score.max() > max(score[0] + _MARGIN, _GOOD):
-            wrong.setdefault(READINGS[int(np.argmax(score))], []).append(name)
-    for reading, names in wrong.items():
+    wrong = {
+        name: int(np.argmax(score)) for name, score in found.items() if score.max() > max(score[0] + _MARGIN, _GOOD)
+    }
+    for reading in dict.fromkeys(wrong.values()):
+        names = [name for name, own in wrong.items() if own == reading]
         everywhere = len(names) == len(found)
         place = (
             "all trials" if everywhere else f"trials {', '.join(names)}" if len(names) > 1 else f"trial '{names[0]}'"
         )
-        own, better = (float(np.mean([found[name][k] for name in names])) / 3.0 for k in (0, READINGS.index(reading)))
-        channels, words, remedy = _misread(reading)
+        own, better = (float(np.mean([found[name][k] for name in names])) / 3.0 for k in (0, reading))
+        channels, words, remedy = _misread(*READINGS[reading])
         yield Finding(
             "signs-channel",
             "blocks",
@@ -175,27 +158,25 @@ def signs(found: Mapping[str, FloatArray]) -> Iterator[Finding]:
             remedy,
             trials=() if everywhere else tuple(names),
             channels=channels,
-            corrected=_rereading(names, *reading),
+            corrected=_rereading(names, *READINGS[reading]),
         )
 
 
-def _misread(reading: Reading) -> tuple[tuple[str, ...], str, str]:
+def _misread(order: tuple[int, ...], factors: tuple[int, ...]) -> tuple[tuple[str, ...], str, str]:
     """Return the channels that are read the wrong way, what is wrong with them, and the remedy."""
-    swapped = reading.order[0] != 0
-    flipped = [name for name, sign in zip(CHANNELS, reading.factors, strict=True) if sign < 0]
+    swapped = order[0] != 0
+    flipped = [name for name, sign in zip(CHANNELS, factors, strict=True) if sign < 0]
     flip = " and ".join(flipped)
-    words = ["surge and sway are in each other's column"] if swapped else []
-    remedies = ["swap surge and sway"] if swapped else []
+    wrong = {"swap surge and sway": "surge and sway are in each other's column"} if swapped else {}
     if flipped:
-        words.append(f"{flip} {'has' if len(flipped) == 1 else 'have'} the wrong sign")
-        remedies.append(f"multiply {flip} by -1")
-    known = {
+        wrong[f"multiply {flip} by -1"] = f"{flip} {'has' if len(flipped) == 1 else 'have'} the wrong sign"
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], str] = {
         ((0, 1, 2), (1, -1, -1)): "multiply both by -1 (y to starboard, z down), or the joint angles and biases if "
         "those are mirrored",
         ((0, 1, 2), (-1, -1, 1)): "multiply both by -1: x points to the tail",
     }
     channels = tuple(name for name in CHANNELS if name in flipped or (swapped and name != "yaw_rate"))
-    return channels, ", and ".join(words), known.get(reading, " and ".join(remedies))
+    return channels, ", and ".join(wrong.values()), known.get((order, factors), " and ".join(wrong))
 
 
 def _rereading(names: Iterable[str], order: Sequence[int], factors: Sequence[float]) -> Callable[[Dataset], Dataset]:
@@ -225,7 +206,6 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
             factor = min(known, key=lambda f: abs(np.log(size / f)))
             near = abs(np.log(size / factor)) < np.log(_NEAR_UNIT)
             everywhere = len(strange) == len(sizes)
-            factors = [1.0 / factor if other == name else 1.0 for other in CHANNELS]
             yield Finding(
                 "signs-unit",
                 "blocks" if near else "suspect",  # far from any unit: a fish that hardly follows its drive is so, too
@@ -235,7 +215,7 @@ def units(sizes: Mapping[str, FloatArray]) -> Iterator[Finding]:
                 known[factor] if near else "check the unit and the drive",
                 trials=() if everywhere else tuple(strange),
                 channels=(name,),
-                corrected=_rereading(strange, range(3), factors),
+                corrected=_rereading(strange, range(3), [1.0 / factor if own == name else 1.0 for own in CHANNELS]),
             )
 
 
@@ -267,10 +247,7 @@ def labels(
             taken |= {i, j}
             here, there = np.sqrt(table[i, own[[i, j]]])
             first, second = trials[i], trials[j]
-            changes = {
-                first.name: partial(replace, drive=second.drive),
-                second.name: partial(replace, drive=first.drive),
-            }
+            changes = {a.name: partial(replace, drive=b.drive) for a, b in ((first, second), (second, first))}
             yield Finding(
                 "labels-swapped",
                 "blocks",
@@ -398,8 +375,8 @@ def start_findings(trial: Trial, guess: FloatArray, noise: FloatArray) -> Iterat
     few = slice(0, max(int(0.1 / trial.step), 2))
     usual = float(np.median(trial.velocity[len(trial.time) // 2 :, 0]))
     excess = float(np.median(trial.velocity[few, 0] - guess[few, 0]))
-    starting = trial.starts_at_rest and trial.time[0] <= 0.05
-    if starting and usual > 0.0 and excess > _MOVING * usual and excess > 6.0 * float(noise[0]):
+    moving = 0.0 < _MOVING * usual < excess and excess > 6.0 * float(noise[0])
+    if moving and trial.starts_at_rest and trial.time[0] <= 0.05:
         yield Finding(
             "start-moving",
             "blocks",

@@ -127,8 +127,7 @@ def _jumps(trial: Trial, sensor: Sensor) -> Finding | None:
     rows = REACH + np.flatnonzero((size[inner] > least) & (np.diff(sensor.time)[inner] < 1.5 * sensor.step))
     if not len(rows):
         return None
-    size = size[rows]
-    half = sensor.kind == "heading" and bool(np.median(np.abs(size - math.pi)) < _HALF)
+    half = sensor.kind == "heading" and bool(np.median(np.abs(size[rows] - math.pi)) < _HALF)
     why = ": half a turn, as of a line without a front, or of exchanged ends" if half else ", as exchanged markers do"
     remedy = "track these frames again, or leave their cells empty"
     return Finding(
@@ -136,7 +135,7 @@ def _jumps(trial: Trial, sensor: Sensor) -> Finding | None:
         "blocks" if half else "suspect",
         f"trial '{trial.name}', {sensor.name}, row {rows[0] + 2} ({sensor.time[rows[0] + 1]:.3f} s)"
         + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        f"it jumps by {np.median(size):.3g} {sensor.units[0]} from a sample to the next{why}",
+        f"it jumps by {np.median(size[rows]):.3g} {sensor.units[0]} from a sample to the next{why}",
         "a motion that goes on from sample to sample",
         f"give the direction from tail to nose, or {remedy}" if half else remedy,
         trials=(trial.name,),
@@ -165,10 +164,9 @@ def _missing(dataset: Dataset) -> Iterator[Finding]:
 
 def _gaps(sensor: Sensor) -> str:
     """Return how many samples of a sensor are missing, in words; nothing where none is."""
-    frames = int(rows_of(sensor.time)[-1]) + 1
-    longest = f"the longest gap is {np.diff(sensor.time).max():.3g} s"
+    frames, longest = int(rows_of(sensor.time)[-1]) + 1, np.diff(sensor.time).max()
     lost = frames - len(sensor.time)
-    return f"{lost} of {frames} samples are missing, {longest}" if lost else ""
+    return f"{lost} of {frames} samples are missing, the longest gap is {longest:.3g} s" if lost else ""
 
 
 class _Run(NamedTuple):
@@ -261,16 +259,25 @@ def _units(runs: Sequence[_Run]) -> Iterator[Finding]:
     place, turn, way = np.median([run.sizes for run in runs], axis=0)
     for factor, (what, option) in _LENGTHS.items():
         if max(abs(math.log(size / factor)) for size in (place + _DUST, way + _DUST)) < math.log(_NEAR):
-            found = f"the fish swings and swims {way:.3g} times as far as simulated: {what}"
-            yield _everywhere("poses-unit", "position", found, "sizes as simulated", f"import again with {option}")
+            yield _everywhere(
+                "poses-unit",
+                "position",
+                f"the fish swings and swims {way:.3g} times as far as simulated: {what}",
+                "sizes as simulated",
+                f"import again with {option}",
+            )
     alike = [float(np.max(run.products[:, 0] / np.sqrt(run.squares[:, 0]))) for run in runs if run.phased]
     small = abs(math.log((turn + _DUST) / _RADIANS)) < math.log(_NEAR) and bool(alike) and np.median(alike) > _ALIKE
     if small or (turn > _DEGREES and np.median([run.swing for run in runs]) > _WILD):
-        found = f"the heading swings {turn:.3g} times as far as simulated: " + (
-            "radians taken for degrees" if small else "degrees taken for radians"
+        what = "radians taken for degrees" if small else "degrees taken for radians"
+        yield _everywhere(
+            "poses-unit",
+            "heading",
+            f"the heading swings {turn:.3g} times as far as simulated: {what}",
+            "sizes as simulated",
+            f"import again with --angle-unit {'rad' if small else 'deg'}, and --joint-unit for the joints if they are "
+            "in another",
         )
-        option = f"--angle-unit {'rad' if small else 'deg'}, and --joint-unit for the joints if they are in another"
-        yield _everywhere("poses-unit", "heading", found, "sizes as simulated", f"import again with {option}")
 
 
 def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
@@ -294,15 +301,18 @@ def _axes(runs: Sequence[_Run], fish: Fish) -> Iterator[Finding]:
             "starboard, if it was y_down)",
         )
     elif opposite or sign < 0:
-        alone = "--set turn_to=starboard, for a heading that grows clockwise (port, if y points down)"
-        both = "--set axes=y_down, if y points down (y_up, if it was y_down); or with --set joints.sign=-1"
         yield _everywhere(
             "poses-mirrored",
             "heading" if opposite else "position and heading",
             ("the heading turns against the track, and " if opposite else "")
             + "the head swings the other way than the joints force it to",
             "a head that recoils from the joints",
-            f"import again with {alone if opposite else both}",
+            "import again with "
+            + (
+                "--set turn_to=starboard, for a heading that grows clockwise (port, if y points down)"
+                if opposite
+                else "--set axes=y_down, if y points down (y_up, if it was y_down); or with --set joints.sign=-1"
+            ),
         )
     elif link:
         yield _everywhere(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,11 +64,9 @@ def noise_from_repeats(dataset: Dataset, leave_out: Collection[str] = ()) -> Rep
         dataset: its trials.
         leave_out: names of trials that are copies of others or have a wrong label.
     """
-    groups: dict[Any, list[Trial]] = {}
-    for trial in dataset.trials:
-        if trial.drive and trial.name not in leave_out:
-            groups.setdefault(trial.drive, []).append(trial)
-    differences = (_differences(group, dataset.clock == "free") for group in groups.values() if len(group) > 1)
+    trials = [trial for trial in dataset.trials if trial.drive and trial.name not in leave_out]
+    groups = ([t for t in trials if t.drive == drive] for drive in dict.fromkeys(trial.drive for trial in trials))
+    differences = (_differences(group, dataset.clock == "free") for group in groups if len(group) > 1)
     every = [group for group in differences if group is not None]
     clean = [group for group in every if group.line <= LINE]
     used = clean or every
@@ -104,9 +103,7 @@ def _differences(group: Sequence[Trial], free_clock: bool) -> _Group | None:
     step = group[0].step
     cells = [np.rint(trial.time / step).astype(np.int64) for trial in group]
     aligned = all(np.abs(t.time - c * step).max() < 0.05 * step for t, c in zip(group, cells, strict=True))
-    common = cells[0]
-    for other in cells[1:]:
-        common = np.intersect1d(common, other)
+    common = reduce(np.intersect1d, cells)
     # A step of the drive is seen before or after, as the clocks have it.
     for segment in group[0].drive[1:]:
         common = common[np.abs(common * step - segment.start) > 1.5 * step]

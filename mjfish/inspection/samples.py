@@ -2,6 +2,12 @@
 
 No model of the fish is needed. Each channel of a trial is interpolated from the samples beside it by the weights that
 do so best in that trial (least squares with Huber weights): periodic swimming is predicted exactly, noise is not.
+
+And measured joint angles that jump: at a start, or where the drive changes at once. They move faster than their samples
+resolve. The motion between samples is a spline (`mjfish.drive.measured`). It is right where every sample follows from
+those beside it. Each one is predicted by the polynomial through its six neighbours, three to either side; of a beat
+with ten samples or more, that leaves less than the noise does. Where an angle or its rate jumps, the error stands far
+above.
 """
 
 from __future__ import annotations
@@ -9,18 +15,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal, stats
 from scipy.spatial import cKDTree
 
-from mjfish.data import Trial
-from mjfish.data.validation import GAP
+from mjfish.data import Trial, columns
+from mjfish.data.validation import GAP, beats
 from mjfish.fish.frames import CHANNELS, UNITS
 from mjfish.inspection.finding import Finding
-from mjfish.inspection.joint_jumps import jumps
 from mjfish.numerics.arrays import BoolArray, FloatArray, robust_sigma
 
 #: Neighbours to either side: as many as an odd and an even harmonic or two need, twice.
@@ -50,6 +55,101 @@ FAR = 6.0
 _SMALL = 0.05
 #: Share of far samples from which the tails are heavy: of normal noise there are 2e-9.
 _HEAVY = 3e-4
+#: Neighbours of a joint angle to either side, the degree of the polynomial and one, halved.
+_JOINT_REACH = 3
+_OFFSETS = np.array([k for k in range(-_JOINT_REACH, _JOINT_REACH + 1) if k != 0])
+#: A jump leaves more than this many sigma, of which normal noise leaves none, and this share of the joint's range.
+_JUMP, _SMALL_JUMP = 7.0, 0.01
+#: Rows beside a jump that its angles reach.
+_BESIDE = 2
+#: Fewest samples of which a standard deviation is taken.
+_FEWEST_ANGLES = 8 * _JOINT_REACH
+#: Where it happens oftener than once in so many beats it belongs to the beat, and no cut removes it.
+_BEATS_A_JUMP = 2.0
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Where a measured joint moves faster than its samples resolve.
+
+    Attributes:
+        first, last: rows that do not follow from those beside them.
+        joint: where that is clearest, from 0.
+        error: of the worst of these samples [rad].
+        sigma: how many standard deviations of the trial's other samples that is.
+    """
+
+    first: int
+    last: int
+    joint: int
+    error: float
+    sigma: float
+
+
+def jumps(trial: Trial) -> list[Jump]:
+    """Return the jumps of measured joint angles; none where they belong to every beat."""
+    angle = trial.joint_angle
+    if angle is None or trial.commanded or len(angle) < _FEWEST_ANGLES:
+        return []
+    error = np.abs(_left_out(trial.time, angle))
+    sigma = robust_sigma(error) + 1e-300
+    rows = np.flatnonzero(np.any(error > np.maximum(_JUMP * sigma, _SMALL_JUMP * np.ptp(angle, axis=0)), axis=1))
+    found = []
+    for cluster in filter(len, np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _JOINT_REACH) + 1)):
+        worst, joint = np.unravel_index(np.argmax(error[cluster] / sigma), (len(cluster), angle.shape[1]))
+        size = float(error[cluster[worst], joint])
+        first, last = (cluster[[0, -1]] + _JOINT_REACH).tolist()
+        found.append(Jump(first, last, int(joint), size, size / float(sigma[joint])))
+    count = float(np.ptp(trial.time)) * min(beats(trial), default=0.0)
+    return found if len(found) <= max(count / _BEATS_A_JUMP, 1.0) else []
+
+
+def unresolved(trial: Trial) -> Iterator[Finding]:
+    """Yield where measured joint angles jump: the motion between the samples, and the force on them, are unknown."""
+    found = jumps(trial)
+    if not found:
+        return
+    worst = max(found, key=lambda jump: jump.sigma)
+    time, joint = trial.time, columns.joint(worst.joint + 1)
+    when = " and ".join(f"{0.5 * (time[jump.first] + time[jump.last]):.3g} s" for jump in found)
+    yield Finding(
+        "joints-unresolved",
+        "suspect",
+        f"trial '{trial.name}', {joint}, near {when}",
+        f"an angle is {worst.error:.2g} rad ({worst.sigma:.0f} sigma) off the line through its neighbours: the joint "
+        f"moves faster than a sample every {trial.step:.3g} s resolves, or the sample was misread",
+        "angles that follow from the samples beside them",
+        f"cut the run there: keep {_kept(trial, found)}; or record the joint angles faster, or give the drive in place "
+        "of the angles",
+        trials=(trial.name,),
+        channels=(joint,),
+    )
+
+
+def _kept(trial: Trial, found: Sequence[Jump]) -> str:
+    """Return the times of the rows between the jumps, where they last a beat."""
+    time = trial.time
+    least = 1.0 / min(beats(trial), default=np.inf)
+    # The beat after a jump is left out: the start of a run is fitted, and must not lie on angles that are in doubt.
+    after = max(_BESIDE, round(least / trial.step))
+    starts = [0, *(min(jump.last + after, len(time) - 1) for jump in found)]
+    ends = [*(max(jump.first - _BESIDE, 0) for jump in found), len(time) - 1]
+    parts = [(float(time[a]), float(time[b])) for a, b in zip(starts, ends, strict=True)]
+    long = [f"{a:.4g} to {b:.4g} s" for a, b in parts if b - a > least]
+    more = ", each as a run of its own" if len(long) > 1 else ""
+    return (
+        f"its rows from {' and from '.join(long)}{more}" if long else "the parts before and after, if they last a beat"
+    )
+
+
+def _left_out(time: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return samples (n - 6, joints) less the polynomial through their six neighbours."""
+    rows = np.arange(_JOINT_REACH, len(time) - _JOINT_REACH)
+    near = time[rows[:, None] + _OFFSETS]
+    weights = np.ones_like(near)
+    for m, q in permutations(range(len(_OFFSETS)), 2):
+        weights[:, m] *= (time[rows] - near[:, q]) / (near[:, m] - near[:, q])
+    return np.asarray(angle[rows] - np.einsum("km,kmj->kj", weights, angle[rows[:, None] + _OFFSETS]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +216,18 @@ def stuck(trial: Trial) -> Iterator[Finding]:
     # How often single values repeat by chance, as they do where they were rounded.
     repeating = np.sum(same[~frozen], axis=0) / max(np.count_nonzero(~frozen), 1)
     if frozen.any() and len(same) * np.prod(repeating) < _LEVEL:
-        yield _frozen(trial, frozen)
+        rows = np.flatnonzero(frozen) + 1
+        yield Finding(
+            "stuck-frozen",
+            "suspect",
+            f"trial '{trial.name}', row {rows[0] + 1} ({trial.time[rows[0]]:.3f} s)"
+            + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
+            ("1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat")
+            + " the row before in all channels: frozen frames",
+            "rows that differ by their noise at least",
+            without_rows(trial),
+            trials=(trial.name,),
+        )
     for channel, name in enumerate(CHANNELS):
         if np.ptp(trial.velocity[:, channel]) == 0.0:
             yield Finding(
@@ -135,25 +246,9 @@ def stuck(trial: Trial) -> Iterator[Finding]:
 
 def without_rows(trial: Trial) -> str:
     """Return how to leave rows out: joint angles that were recorded are not known where rows are missing."""
-    if trial.joint_angle is None:
-        return "remove these rows and say gaps = true in the trial's entry"
-    return "remove these rows and cut the run there into two trials, for between recorded joint angles no row may miss"
-
-
-def _frozen(trial: Trial, frozen: BoolArray) -> Finding:
-    rows = np.flatnonzero(frozen) + 1
-    first = int(rows[0])
-    return Finding(
-        "stuck-frozen",
-        "suspect",
-        f"trial '{trial.name}', row {first + 1} ({trial.time[first]:.3f} s)"
-        + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        ("1 row repeats" if len(rows) == 1 else f"{len(rows)} rows repeat")
-        + " the row before in all channels: frozen frames",
-        "rows that differ by their noise at least",
-        without_rows(trial),
-        trials=(trial.name,),
-    )
+    gaps = "say gaps = true in the trial's entry"
+    cut = "cut the run there into two trials, for between recorded joint angles no row may miss"
+    return f"remove these rows and {gaps if trial.joint_angle is None else cut}"
 
 
 def _held(trial: Trial, channel: int, same: BoolArray) -> Finding | None:
@@ -297,10 +392,8 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
     the 97.5 % point of the misfits, which a few outliers do not move. A sample that this t does not reach in so many
     samples is an outlier.
     """
-    for channel, name in enumerate(CHANNELS):
+    for channel, name in enumerate(CHANNELS if found else ()):
         scaled = [line.misfit[:, channel] / line.sigma[channel] for line in found]
-        if not scaled:
-            return
         every = np.concatenate(scaled)
         degrees_of_freedom, spread = _student(every)
         limit = max(float(stats.t.isf(0.5 * _LEVEL / len(every), degrees_of_freedom)) * spread, FAR)
@@ -310,7 +403,19 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
             # Beside an outlier the line itself is bent.
             peaks = [int(k) for k in out if size[k] >= size[np.abs(line.rows - line.rows[k]) <= 3].max()]
             if peaks:
-                yield _outlier(line, name, channel, peaks, values)
+                worst = max(peaks, key=lambda k: abs(values[k]))
+                row, others = line.rows[worst], f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
+                yield Finding(
+                    "outliers-samples",
+                    "suspect",
+                    f"trial '{line.trial.name}', {name}, row {row + 1} ({line.trial.time[row]:.3f} s){others}",
+                    f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the "
+                    "line through its neighbours",
+                    f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
+                    f"correct them at the source; or {without_rows(line.trial)}",
+                    trials=(line.trial.name,),
+                    channels=(name,),
+                )
         share = float(np.mean(np.abs(every) > FAR))
         if share > _HEAVY and degrees_of_freedom < 10.0:
             yield Finding(
@@ -323,23 +428,6 @@ def outliers(found: Sequence[Interpolated]) -> Iterator[Finding]:
                 "p values are then a little too small and weak causes harder to see; look for lost markers",
                 channels=(name,),
             )
-
-
-def _outlier(line: Interpolated, name: str, channel: int, peaks: Sequence[int], values: FloatArray) -> Finding:
-    worst = max(peaks, key=lambda k: abs(values[k]))
-    row = int(line.rows[worst])
-    others = f" and {len(peaks) - 1} more" if len(peaks) > 1 else ""
-    return Finding(
-        "outliers-samples",
-        "suspect",
-        f"trial '{line.trial.name}', {name}, row {row + 1} ({line.trial.time[row]:.3f} s){others}",
-        f"{line.trial.velocity[row, channel]:.4g} {UNITS[name]} is {abs(values[worst]):.0f} sigma off the line through "
-        "its neighbours",
-        f"samples within what the noise of the other {len(values) - len(peaks)} reaches",
-        f"correct them at the source; or {without_rows(line.trial)}",
-        trials=(line.trial.name,),
-        channels=(name,),
-    )
 
 
 def _student(values: FloatArray) -> tuple[float, float]:

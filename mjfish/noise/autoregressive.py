@@ -142,17 +142,10 @@ def _filter(phi: bytes, sigma: float, seen: bytes) -> Gains:
     transition = linalg.companion([1.0, *-rates])
     if np.max(np.abs(linalg.eigvals(transition))) >= 1.0:
         raise InputError(f"autoregressive noise {rates.tolist()} grows without bound; give a stationary one")
-    drive = np.zeros_like(transition)
-    drive[0, 0] = sigma**2
-    start = linalg.solve_discrete_lyapunov(transition, drive)
-    return gains(
-        transition[None],
-        drive[None],
-        np.eye(1, len(rates)),
-        np.zeros(1),
-        readonly(start),
-        np.frombuffer(seen, dtype=np.bool_),
-    )
+    drive = np.diag([sigma**2, *np.zeros(len(rates) - 1)])
+    start = readonly(linalg.solve_discrete_lyapunov(transition, drive))
+    there = np.frombuffer(seen, dtype=np.bool_)
+    return gains(transition[None], drive[None], np.eye(1, len(rates)), np.zeros(1), start, there)
 
 
 def floor(trials: Sequence[Trial]) -> FloatArray:
@@ -206,8 +199,8 @@ def products_and_pairs(
         highest: lag.
     """
     filled = [np.zeros((len(there), block.shape[1])) for there, block in zip(seen, blocks, strict=True)]
-    for grid_, there, values in zip(filled, seen, blocks, strict=True):
-        grid_[there] = values
+    for on_grid, there, values in zip(filled, seen, blocks, strict=True):
+        on_grid[there] = values
     counted = [there.astype(np.float64)[:, None] for there in seen]
     return lagged_products(filled, highest), lagged_products(counted, highest)[0]
 
@@ -241,9 +234,7 @@ def by_order(covariances: FloatArray, total: int) -> Autoregressive:
 
 def _yule_walker(covariance: FloatArray, order: int) -> tuple[FloatArray, float]:
     """Return phi (order,) and the innovations' variance."""
-    floored = covariance.copy()
-    floored[0] = max(floored[0] * (1.0 + (WHITE_FLOOR if order else 0.0)), 1e-300)
-    if order == 0:
-        return np.zeros(0), float(floored[0])
-    phi = linalg.solve_toeplitz(floored[:order], floored[1 : order + 1])
-    return phi, float(max(floored[0] - phi @ floored[1 : order + 1], 1e-300))
+    later = covariance[1 : order + 1]
+    floored = np.maximum(covariance[:1] * (1.0 + (WHITE_FLOOR if order else 0.0)), 1e-300)
+    phi = linalg.solve_toeplitz(np.append(floored, later[:-1]), later) if order else later
+    return phi, max(float(floored[0] - phi @ later), 1e-300)

@@ -94,17 +94,15 @@ class NoiseSample:
     def of_trials(self, index: Sequence[int]) -> NoiseSample:
         """Return those of some trials, which take their share of the degrees of freedom."""
         count, total = sum(len(self.residuals[i]) for i in index), sum(map(len, self.residuals))
-        residuals, span, apart = ([block[i] for i in index] for block in (self.residuals, self.span, self.apart))
-        masks, trials = [self.masks[i] for i in index], tuple(self.trials[i] for i in index)
-        return NoiseSample(
-            trials,
-            masks,
-            residuals,
-            self.scale,
-            span,
-            apart,
-            self.lost * count / total,
-            self.shapes and [self.shapes[i] for i in index],
+        return replace(
+            self,
+            trials=tuple(self.trials[i] for i in index),
+            masks=[self.masks[i] for i in index],
+            residuals=[self.residuals[i] for i in index],
+            span=[self.span[i] for i in index],
+            apart=[self.apart[i] for i in index],
+            lost=self.lost * count / total,
+            shapes=self.shapes and [self.shapes[i] for i in index],
         )
 
     def without(self, columns: BlockAngular) -> NoiseSample:

@@ -60,10 +60,8 @@ def rounded_step(trial: Trial) -> float:
 
 def by_step(trials: Sequence[Trial]) -> dict[float, list[int]]:
     """Return, by step [s], which trials were sampled at it."""
-    found: dict[float, list[int]] = {}
-    for index, trial in enumerate(trials):
-        found.setdefault(rounded_step(trial), []).append(index)
-    return found
+    steps = [rounded_step(trial) for trial in trials]
+    return {step: [index for index, own in enumerate(steps) if own == step] for step in steps}
 
 
 #: A stated sigma is contradicted when the estimate is off by more than this many of its standard errors.
@@ -104,8 +102,8 @@ def select(
         ((noise, words),) = found.values()
         return noise, f"noise: {what} ({words})"
     listed = "; ".join(f"every {step:g} s: {words}" for step, (_, words) in found.items())
-    models = {step: noise for step, (noise, _) in found.items()}
-    return NoiseByRate.of(models), f"noise: {what} by sampling step ({listed})"
+    models = NoiseByRate.of({step: noise for step, (noise, _) in found.items()})
+    return models, f"noise: {what} by sampling step ({listed})"
 
 
 def excess(left: NoiseSample, sigma: FloatArray) -> FloatArray:
@@ -127,14 +125,12 @@ def _at_one_step(
     )
     if not patterns or len(left.residuals) < 2 or too_small:
         return plain
-    chosen, most, explained = plain, _PATTERN, left.log_likelihood(plain[0])
+    explained, leads = left.log_likelihood(plain[0]), {plain: _PATTERN}
     for rest, pattern in ((left.without_levels, "runs differ in level"), (left.without_shapes, "runs share a shape")):
         remainder = rest()
         noise, words = _likeliest(remainder, remainder.autoregressive(), jacobians)
-        lead = explained - left.log_likelihood(noise)
-        if lead > most:
-            chosen, most = (noise, f"{words}; {pattern} that it does not explain"), lead
-    return chosen
+        leads[noise, f"{words}; {pattern} that it does not explain"] = explained - left.log_likelihood(noise)
+    return max(leads, key=lambda found: leads[found])
 
 
 def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -> tuple[Noise, str]:
@@ -155,8 +151,10 @@ def _likeliest(left: NoiseSample, found: Autoregressive, jacobians: Jacobians) -
         return best, f"of positions differentiated over {best.window} samples; sigma {_three(best.sigma)}"
     if isinstance(best, GaussMarkov):
         slow = "; these runs are too short to tell so slow a drift from an error of the model: record longer ones"
-        words = f"a drift of {_three(best.drift)} over {_three(best.time)} s under white noise of {_three(best.sigma)}"
-        return best, words + (slow if np.any(best.time > 0.99 * longest(left)) else "")
+        return best, (
+            f"a drift of {_three(best.drift)} over {_three(best.time)} s under white noise of {_three(best.sigma)}"
+            + (slow if np.any(best.time > 0.99 * longest(left)) else "")
+        )
     return found, _described(found)
 
 

@@ -213,10 +213,8 @@ def weights(window: int, degree: int) -> FloatArray:
 def _filter_of_positions(window: int, degree: int, rounding: float, seen: bytes) -> Gains:
     """Make the filter of velocities of variance 1, whose state is the positions under the window."""
     total = 1.0 + rounding**2
-    drive = np.zeros((1, window, window))
-    drive[0, 0, 0] = 1.0
     return gains(
-        np.eye(window, k=-1)[None], drive, weights(window, degree)[None] / np.sqrt(total),
+        np.eye(window, k=-1)[None], np.diag(np.eye(window)[0])[None], weights(window, degree)[None] / np.sqrt(total),
         np.array([rounding**2 / total]), np.eye(window), np.frombuffer(seen, dtype=np.bool_),
     )  # fmt: skip
 

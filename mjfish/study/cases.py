@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mjfish.data import Dataset, load_dataset
+from mjfish.data import load_dataset
 from mjfish.data.dataset_toml import FILE, Number, Positive
 from mjfish.data.tables import write_rows
 from mjfish.diagnosis import diagnose
@@ -174,21 +174,24 @@ class Case(Piece):
     @cached_property
     def input(self) -> dict[str, Any]:
         """All that the outcome hangs on, as plain data: contents in place of names and paths."""
-        dataset = self.dataset
-        if isinstance(dataset, Generated):
-            own = dataset.model_dump(mode="json", exclude={"name"})
-            made = {
-                "generate": {**own, "fish": load_fish(dataset.fish, self.home).model_dump(mode="json", by_alias=True)}
-            }
+        if isinstance(self.dataset, Generated):
+            own = self.dataset.model_dump(mode="json", exclude={"name"})
+            fish = load_fish(self.dataset.fish, self.home).model_dump(mode="json", by_alias=True)
+            made = {"generate": {**own, "fish": fish}}
         else:
-            made = {"folder": _contents(self.home / dataset.path)}
+            made = {"folder": _contents(self.home / self.dataset.path)}
         verb = "identify" if isinstance(self.setting, Identify) else "diagnose"
         setting = {verb: self.setting.model_dump(mode="json", exclude={"name"})}
         return {**made, **setting, "seed": self.seed, "version": version("mjfish")}
 
     def result(self) -> dict[str, Any]:
         """Return what is found, as plain data."""
-        dataset = self._load()
+        if isinstance(self.dataset, Folder):
+            dataset = load_dataset(self.home / self.dataset.path)
+        else:
+            fish, effects, values = acting(self.dataset, self.home)
+            given = self.dataset.model_dump(include={"modes", "noise", "held_out", "rate", "duration"})
+            dataset = generate(fish, values=values, effects=effects, seed=self.seed, **given)
         if isinstance(self.setting, Identify):
             settings = Settings(**self.setting.model_dump(exclude={"name"}), seed=self.seed)
             found = identify(dataset, settings, jobs=1).to_dict()
@@ -204,23 +207,6 @@ class Case(Piece):
             return {}
         fish, effects, values = acting(self.dataset, self.home)
         return Model(fish, tuple(effects)).values(values)
-
-    def _load(self) -> Dataset:
-        if isinstance(self.dataset, Folder):
-            return load_dataset(self.home / self.dataset.path)
-        made = self.dataset
-        fish, effects, values = acting(made, self.home)
-        return generate(
-            fish,
-            made.modes,
-            values=values,
-            effects=effects,
-            noise=made.noise,
-            seed=self.seed,
-            held_out=made.held_out,
-            rate=made.rate,
-            duration=made.duration,
-        )
 
 
 def read_cases(file: Path) -> list[Case]:
@@ -240,7 +226,7 @@ def read_cases(file: Path) -> list[Case]:
 
 def _contents(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file of a dataset by its path in the folder, and of its fish if that is elsewhere."""
-    files = {str(path.relative_to(folder).as_posix()): path for path in sorted(folder.rglob("*")) if path.is_file()}
+    files = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     fish = tomlfile.table(folder / FILE).get("fish")
     if isinstance(fish, str) and exists(folder / fish):
         files[fish] = folder / fish
@@ -294,22 +280,20 @@ def collect(cases: Sequence[Case], out: Path) -> Collected:
         raise InputError(f"{out}: holds no piece of this study that is done; run the study into this folder first")
     names = dict.fromkeys(name for row in rows for name in row)
     text = "\n".join(_summary(cases, rows)) + "\n"
-    files = (out / TABLE, out / SUMMARY)
-    write_rows(files[0], [{name: row.get(name) for name in names} for row in rows])
-    write_text(files[1], text)
-    return Collected(tuple(rows), text, len(cases) - len(rows), files)
+    write_rows(out / TABLE, [{name: row.get(name) for name in names} for row in rows])
+    write_text(out / SUMMARY, text)
+    return Collected(tuple(rows), text, len(cases) - len(rows), (out / TABLE, out / SUMMARY))
 
 
 def _row(case: Case, content: dict[str, Any], seconds: float | None) -> dict[str, Any]:
     """Return the row of a piece: what was done, what came of it, and the estimates."""
     result = content.get("result", {})
-    found = result.get("verdict", result.get("status", content["outcome"]))
     generated = case.dataset if isinstance(case.dataset, Generated) else None
     row = {
         "dataset": case.dataset.name,
         "setting": case.setting.name,
         "seed": case.seed,
-        "outcome": found,
+        "outcome": result.get("verdict", result.get("status", content["outcome"])),
         "reason": content.get("reason", result.get("message")),
         "causes": ", ".join(cause["name"] for cause in result.get("causes", ())),
         "true_causes": None if generated is None else ", ".join(generated.effects),
@@ -331,9 +315,8 @@ def _right(result: dict[str, Any], generated: Generated) -> str:
     truth = _mechanisms(generated.effects)
     if result["verdict"] == "cannot_tell":
         return "open" if truth in map(_mechanisms, result["alternatives"]) else "no"
-    if result["verdict"] == "unexplained":
-        return "no"
-    return "yes" if {one["name"] for one in result["mechanisms"]} == truth else "no"
+    named = {one["name"] for one in result["mechanisms"]}
+    return "yes" if result["verdict"] != "unexplained" and named == truth else "no"
 
 
 def _mechanisms(causes: Iterable[str]) -> set[str]:
@@ -350,10 +333,8 @@ def _summary(cases: Sequence[Case], rows: Sequence[dict[str, Any]]) -> list[str]
         outcomes = Counter(str(row["outcome"]) for row in own)
         right = Counter(row["right"] for row in own if row["right"] is not None)
         said = [f"{count} {name}" for name, count in outcomes.most_common()] or ["none done"]
-        if right:
-            said.append(f"right: {right['yes']} yes, {right['no']} no, {right['open']} open")
+        said += [f"right: {right['yes']} yes, {right['no']} no, {right['open']} open"] if right else []
         known = [row["seconds"] for row in own if row["seconds"] is not None]
-        if known:
-            said.append(f"{sum(known) / len(known):.1f} s a piece")
+        said += [f"{sum(known) / len(known):.1f} s a piece"] if known else []
         lines.append(f"{dataset}, {setting}: {'; '.join(said)}")
     return lines

@@ -10,8 +10,7 @@ from bad_data import good
 
 from mjfish.data import Trial
 from mjfish.inspection import inspect
-from mjfish.inspection.joint_jumps import unresolved
-from mjfish.inspection.samples import interpolated
+from mjfish.inspection.samples import interpolated, unresolved
 from mjfish.numerics.arrays import FloatArray, readonly
 
 TIME = np.arange(0.0, 8.0, 0.02)

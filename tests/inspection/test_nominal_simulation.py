@@ -11,7 +11,7 @@ from bad_data import good, only, rows, spoiled, velocity, wrong
 from mjfish.data import Trial
 from mjfish.drive import modes
 from mjfish.inspection import EVERYTHING, Inspection, inspect
-from mjfish.inspection.sampling import sampled_enough, time_factor
+from mjfish.inspection.runs import sampled_enough, time_factor
 from mjfish.model import Model
 from mjfish.numerics.arrays import readonly
 

@@ -142,12 +142,11 @@ def _messages(
     stamps, logged, values = zip(*rows, strict=True)
     table = np.array(values)
     table[np.abs(table) > LARGEST] = np.nan
-    for field, column in zip(fields, table.T, strict=True):
-        if np.isnan(column).all() and entries:
+    columns = dict(zip(fields, table.T, strict=True))
+    for field in (field for field, column in columns.items() if np.isnan(column).all()):
+        if entries:
             raise UnknownNameError(f"field in {place}:", field.rpartition(".")[2], entries)
-        if np.isnan(column).all():
-            raise InputError(f"{place}: '{field}' is never a number; name another field in the mapping file")
-    columns = {field: table[:, k] for k, field in enumerate(fields)}
+        raise InputError(f"{place}: '{field}' is never a number; name another field in the mapping file")
     return Messages(np.array(stamps, dtype=np.int64), np.array(logged, dtype=np.int64), columns)
 
 
@@ -314,18 +313,17 @@ class _Topic:
     @classmethod
     def of(cls, name: str, messages: Messages, headers: bool) -> _Topic:
         """Return the messages in order, each time once."""
-        notes = []
         timed = messages.stamps > 0 if headers else np.ones(len(messages.logged), dtype=np.bool_)
-        if bare := int((~timed).sum()):
-            notes.append(f"{name}: {bare} messages without a time left out")
         time = (messages.stamps if headers else messages.logged)[timed]
-        if np.any(np.diff(time) < 0):
-            notes.append(f"{name}: messages out of order, sorted")
         unique, first = np.unique(time, return_index=True)
-        if repeated := len(time) - len(unique):
-            notes.append(f"{name}: {repeated} repeated messages left out")
+        bare, repeated = int((~timed).sum()), len(time) - len(unique)
+        notes = {
+            f"{name}: {bare} messages without a time left out": bare > 0,
+            f"{name}: messages out of order, sorted": bool(np.any(np.diff(time) < 0)),
+            f"{name}: {repeated} repeated messages left out": repeated > 0,
+        }
         fields = {field: _unwrapped(values[timed][first], field) for field, values in messages.fields.items()}
-        return cls(name, unique, fields, tuple(notes))
+        return cls(name, unique, fields, tuple(note for note, applies in notes.items() if applies))
 
     @property
     def step(self) -> float:
@@ -357,9 +355,8 @@ def _rows(
             for t in all_.values()
         )
         raise InputError(f"{path}: no messages of all topics at one time ({spans}); record them together")
-    time, notes = rows.time[inside], []
-    if cut := len(rows.time) - len(inside):
-        notes.append(f"{rows.name}: {cut} messages at the ends left out, where another topic has none")
+    time, cut = rows.time[inside], len(rows.time) - len(inside)
+    notes = [f"{rows.name}: {cut} messages at the ends left out, where another topic has none"] if cut else []
     missed = np.where(np.diff(time) > GAP * rows.step, np.rint(np.diff(time) / rows.step).astype(np.int64) - 1, 0)
     missed = np.maximum(missed, np.diff(time) > GAP * rows.step)
     if missed.any():
@@ -379,8 +376,6 @@ def _rows(
 
 def _unwrapped(values: FloatArray, field: str) -> FloatArray:
     """Return angles without jumps where the field is one; missing ones stay so."""
-    if field.rpartition(".")[2] != "yaw":
-        return values
-    turned, known = values.copy(), np.isfinite(values)
+    turned, known = values.copy(), np.isfinite(values) & (field.rpartition(".")[2] == _YAW)
     turned[known] = np.unwrap(values[known])
     return turned

@@ -97,8 +97,8 @@ class Chain:
     def belief(self) -> FloatArray:
         """Deviations from zero that are believed: scale, gradient (2), oblique (2), each plane (3), each marker (2)."""
         planes = [[shift, shift, PLANE] for shift in self.on.shift]
-        doubts = np.maximum(self.on.doubts, 1e-9)
-        return np.concatenate([[SCALE, GRADIENT, GRADIENT, OBLIQUE, OBLIQUE], *planes, *doubts])
+        camera = [SCALE, GRADIENT, GRADIENT, OBLIQUE, OBLIQUE]
+        return np.concatenate([camera, *planes, *np.maximum(self.on.doubts, 1e-9)])
 
     def places(self, shared: FloatArray) -> FloatArray:
         """Return how far the markers sit from their stations, along and across (markers, 2) [m]."""
@@ -119,8 +119,7 @@ class Chain:
     def at(self, coordinates: FloatArray, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the markers (n, markers, 2), and their derivatives (n, markers, 2, k) by coordinates and shared."""
         n, joints, count, on = len(coordinates), self.on.joints, len(self.on.names), self.on
-        scale, gradient = float(np.exp(shared[0])), complex(*shared[1:3])
-        oblique = complex(*shared[3:5])
+        scale, gradient, oblique = float(np.exp(shared[0])), complex(*shared[1:3]), complex(*shared[3:5])
         planes = shared[_CAMERA : _CAMERA + on.shift.size * 3].reshape(-1, 3)
         lever = np.where(np.arange(joints + 1) < on.link[:, None], on.lengths, 0.0j)
         lever[np.arange(count), on.link] = on.station + self.places(shared) @ [1.0, 1.0j]

@@ -207,15 +207,13 @@ def read_mapping(path: Path | None, model: type[M], importer: str) -> tuple[M, F
 
 def joint_angle_remarks(table: Driven, trial: Trial) -> tuple[str, ...]:
     """Return what recorded joint angles are taken for, in words; nothing where a law gives them."""
-    if table.joints is None:
-        return ()
-    if not trial.commanded:
-        return ("joint angles as measured",)
     late = f"half a sample, {500.0 / trial.rate:.3g} ms, later"
-    if trial.hold == "zero":
-        return (f"joint angles as commanded, held until the next (hold zero), {late} than in a smooth motion (linear)",)
-    held = f"--set hold=zero holds each until the next, {late}"
-    return (f"joint angles as commanded, moving smoothly in between (hold linear); {held}",)
+    held = {
+        "zero": f"held until the next (hold zero), {late} than in a smooth motion (linear)",
+        "linear": f"moving smoothly in between (hold linear); --set hold=zero holds each until the next, {late}",
+    }
+    words = f"joint angles as commanded, {held[trial.hold]}" if trial.commanded else "joint angles as measured"
+    return () if table.joints is None else (words,)
 
 
 def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish, mapping: Path) -> FloatArray | None:
@@ -228,8 +226,7 @@ def measured_angles(table: Driven, numbers: Mapping[str, FloatArray], fish: Fish
             f"{mapping}: joints.columns: {len(names)} columns, expected {fish.joints}, one for each joint of fish "
             f"'{fish.name}'; correct it"
         )
-    factor = ANGLES[table.joints.unit] * table.joints.sign
-    return readonly(factor * np.column_stack([numbers[name] for name in names]))
+    return readonly(ANGLES[table.joints.unit] * table.joints.sign * np.column_stack([numbers[name] for name in names]))
 
 
 def wave_drive(table: Driven, fish: Fish, mapping: Path, recorded: Path) -> Wave | None:

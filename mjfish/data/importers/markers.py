@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -39,13 +39,11 @@ _MEDIAN_FRAMES = 9
 
 def steadied(measured: FloatArray) -> FloatArray:
     """Return points (n, points, 2) without jumps and gaps, to start a fit from."""
-    filled = measured.copy()
-    frames = np.arange(len(measured))
-    for point in range(measured.shape[1]):
-        good = np.isfinite(measured[:, point]).all(axis=1)
-        for axis in range(2):
-            if good.any():
-                filled[:, point, axis] = np.interp(frames, frames[good], measured[good, point, axis])
+    filled, frames = measured.copy(), np.arange(len(measured))
+    good = np.isfinite(measured).all(axis=2)
+    for point, axis in product(np.flatnonzero(good.any(axis=0)), range(2)):
+        there = good[:, point]
+        filled[:, point, axis] = np.interp(frames, frames[there], measured[there, point, axis])
     return np.asarray(median_filter(filled, size=(_MEDIAN_FRAMES, 1, 1), mode="nearest"))
 
 
@@ -118,8 +116,7 @@ def placed(table: MarkersMap, fish: Fish, place: Path) -> Marked:
         )
     shift, slip = (np.array([getattr(plane, name) for plane in table.planes]) for name in ("shift", "slip"))
     rolling = next(((i, plane.below) for i, plane in enumerate(table.planes) if plane.below is not None), None)
-    ends = base[0], base[-1]
-    return Marked(names, lengths, link, station, doubts, inside, shift, slip, ends, behind, rolling)
+    return Marked(names, lengths, link, station, doubts, inside, shift, slip, (base[0], base[-1]), behind, rolling)
 
 
 def _roll(marked: Marked, fit: Fit) -> FloatArray | None:
@@ -183,8 +180,7 @@ def fit_track(measured: FloatArray, marked: Marked, rate: float, path: Path) -> 
 def _fit(measured: FloatArray, dropped: Sequence[int], marked: Marked, rate: float, path: Path) -> tuple[Fit, Chain]:
     used = measured.copy()
     used[:, dropped] = np.nan
-    chain = Chain(used, marked)
-    time = np.arange(len(measured)) / rate
+    chain, time = Chain(used, marked), np.arange(len(measured)) / rate
     start, lateral = _start(steadied(used), marked, chain)
     hertz, periodic = beat_frequency(time, lateral)
     first = hertz if periodic else None
@@ -342,14 +338,14 @@ def _notes(track: Track, marked: Marked, bridged: Sequence[str], scale: float) -
         f"marker {marked.names[m]} lost in {int(track.astray[:, m].sum())} frames and not used"
         for m in sorted(track.dropped)
     ]
-    if track.exchanged:
-        notes.append(f"markers exchanged in {track.exchanged} frames and put back")
+    notes += [f"markers exchanged in {track.exchanged} frames and put back"] if track.exchanged else []
     spread = 1e3 * float(np.median(track.fit.sigma / np.sqrt(track.fit.frames)))
-    known = (
+    return (
+        *notes,
+        *bridged,
         f"markers known to {spread:.2g} mm ({spread / scale / 1e3:.2g} pixels), errors correlated over "
-        f"{float(np.median(track.fit.frames)):.0f} frames"
+        f"{float(np.median(track.fit.frames)):.0f} frames",
     )
-    return (*notes, *bridged, known)
 
 
 def import_fishsim(

@@ -15,12 +15,12 @@ from typing import Literal
 from mjfish.data.tables import Dialect, recognise
 from mjfish.errors import InputError
 
+Kind = Literal["velocities", "poses"]
 #: Columns of the importers of tables, in the order in which a mapping file has them.
-KEYS: Mapping[str, tuple[str, ...]] = {
+KEYS: Mapping[Kind, tuple[str, ...]] = {
     "velocities": ("time", "surge", "sway", "yaw_rate"),
     "poses": ("time", "x", "y", "yaw"),
 }
-Kind = Literal["velocities", "poses"]
 #: Which unit of a mapping file the column of a key is in.
 UNIT_OF = {
     "time": "time", "surge": "length", "sway": "length", "x": "length", "y": "length", "yaw_rate": "angle",
@@ -77,9 +77,7 @@ class Guess:
     @property
     def kind(self) -> Kind | None:
         """Which importer they are for: all of its columns are there; None: neither's."""
-        if set(KEYS["velocities"]) <= set(self.columns):
-            return "velocities"
-        return "poses" if set(KEYS["poses"]) <= set(self.columns) else None
+        return next((kind for kind, keys in KEYS.items() if self.columns.keys() >= set(keys)), None)
 
 
 def guess(headers: Sequence[str]) -> Guess:
@@ -131,8 +129,8 @@ def named(word: str, headers: Sequence[str]) -> str:
     """
     if word in headers:
         return word
-    alike = [header for header in headers for kind in _SPELLINGS if _plain(word) == _parts(header, kind)[0]]
-    return alike[0] if len(set(alike)) == 1 else word
+    alike = {header for header in headers for kind in _SPELLINGS if _plain(word) == _parts(header, kind)[0]}
+    return alike.pop() if len(alike) == 1 else word
 
 
 def _plain(header: str) -> str:
@@ -209,10 +207,8 @@ def check_text(path: Path) -> None:
     """
     beginning = _beginning(path)
     found = [f"looks like {what}; {remedy}" for magic, what, remedy in _FORMATS if beginning.startswith(magic)]
-    if path.is_dir():
-        found = [_folder(path)]
-    if found:
-        raise InputError(f"{path}: {found[0]}")
+    if path.is_dir() or found:
+        raise InputError(f"{path}: {_folder(path) if path.is_dir() else found[0]}")
 
 
 def check_once(paths: Sequence[Path]) -> None:
@@ -248,8 +244,7 @@ def bag_example(kinds: Mapping[str, str]) -> str:
 def example(header: Sequence[str], kind: Kind) -> str:
     """Return a mapping file for columns of these names, to be completed."""
     found = guess(header)
-    lines = [*_HEAD, f'kind = "{kind}"']
-    lines += [f"{key} = {json.dumps(found.columns.get(key, '?'))}" for key in KEYS[kind]]
+    lines = [*_HEAD, f'kind = "{kind}"', *(f"{k} = {json.dumps(found.columns.get(k, '?'))}" for k in KEYS[kind])]
     named = units({key: name for key, name in found.columns.items() if key in KEYS[kind]}, found.joints)
     alone = {of: next(iter(own)) for of, own in named.items() if len(own) == 1}
     lines += [f'{of}_unit = "{alone[of]}"' for of in ("time", "length", "angle") if of in alone]

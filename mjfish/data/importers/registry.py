@@ -58,9 +58,9 @@ def find(importer: str | Path) -> Importer:
     if str(importer) in IMPORTERS:
         return IMPORTERS[str(importer)]
     path = Path(importer)
-    if path.suffix != ".py" and path.exists():
-        raise InputError(f"{path}: is no importer, and {describe(path)}")
     if path.suffix != ".py":
+        if path.exists():
+            raise InputError(f"{path}: is no importer, and {describe(path)}")
         raise UnknownNameError("importer", str(importer), IMPORTERS, "or give a Python file")
     if not path.is_file():
         raise InputError(f"{path}: no such file; give the Python file of an importer, or one of {', '.join(IMPORTERS)}")

@@ -6,7 +6,7 @@ they are; velocities are taken as they are, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -77,8 +77,7 @@ def read_csv(path: Path, table: PosesMap | VelocitiesMap, names: Sequence[str]) 
         )
     # Places and headings may be absent, velocities not.
     numbers = {table.time: time, **{name: sheet.numbers(name, missing=isinstance(table, PosesMap)) for name in names}}
-    notes = (*sheet.layout.notes, *([dates] if dates else []))
-    return Columns(numbers, notes, first_line=sheet.layout.first_line)
+    return Columns(numbers, tuple(filter(None, (*sheet.layout.notes, dates))), first_line=sheet.layout.first_line)
 
 
 #: Returns the column of the time [s] of a file, and others, by name; cells may be missing (NaN) but those of the time.
@@ -197,7 +196,7 @@ def _run(path: Path, table: PosesMap | VelocitiesMap, fish: Fish, mapping: Path,
         beat=beat,
         speed=speed,
         noise=noise,
-        cuts=_cuts(time, parts, names[3:] if sensors else names, numbers),
+        cuts=tuple(_cuts(time, parts, names[3:] if sensors else names, numbers)),
         notes=notes,
     )
     return Run(whole.name, trials, report)
@@ -327,17 +326,13 @@ def _part(trial: Trial, rows: IntArray, name: str) -> Trial:
 
 def _cuts(
     time: FloatArray, kept: Sequence[IntArray], names: Sequence[str], numbers: Mapping[str, FloatArray]
-) -> tuple[Cut, ...]:
-    """Return what lies outside of the stretches that were kept, and which of the columns were lost there."""
+) -> Iterator[Cut]:
+    """Yield what lies outside of the stretches that were kept, and which of the columns were lost there."""
     lost = np.ones(len(time), dtype=np.bool_)
     for rows in kept:
         lost[rows[0] : rows[-1] + 1] = False
-    found = []
     for a, b in runs(lost):
         missing = {name: np.isnan(numbers[name][a:b]) for name in names}
         why = f"{', '.join(name for name, absent in missing.items() if absent.any())} lost"
         why += "" if np.any([*missing.values()], axis=0).all() else ", or too short a stretch"
-        found.append(
-            Cut(float(time[a]), float(time[min(b, len(time) - 1)]), why if names else "before the drive starts")
-        )
-    return tuple(found)
+        yield Cut(float(time[a]), float(time[min(b, len(time) - 1)]), why if names else "before the drive starts")

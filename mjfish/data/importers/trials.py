@@ -300,14 +300,13 @@ def _trial(
     roll: FloatArray | None,
 ) -> Trial:
     time = fit.basis.time
-    pose = place[rows, :3] - [*place[rows.start, :2], 0.0]
     return Trial(
         name=name,
         role=None,
         time=readonly(time[rows] - time[rows.start]),
         velocity=readonly(value[rows]),
         joint_angle=readonly(place[rows, 3 : 3 + joints]),
-        pose=readonly(pose),
+        pose=readonly(place[rows, :3] - [*place[rows.start, :2], 0.0]),
         roll=None if roll is None else readonly(roll[rows]),
         source=source,
         errors=readonly(_error_modes(fit, rows, joints)),
@@ -323,20 +322,17 @@ def _error_modes(fit: Fit, rows: slice, joints: int) -> FloatArray:
 
 
 def _reason(reasons: dict[int, str], start: int, end: int, frames: int, keep: BoolArray) -> str:
-    lost = {reasons[frame] for frame in range(start, end) if frame in reasons}
-    if lost and not keep[start:end].all():
-        return f"{', '.join(sorted(lost))} lost"
     if keep[start:end].all():
         return f"shorter than {BEATS:g} beats"
+    if lost := {reasons[frame] for frame in range(start, end) if frame in reasons}:
+        return f"{', '.join(sorted(lost))} lost"
     return "end of the record, motion half as well known" if start == 0 or end == frames else "motion not known"
 
 
 def stretch_names(name: str, count: int) -> list[str]:
     """Return names of the trials of one run: its own, or with suffixes a, b, ...; numbers where letters run out."""
-    if count == 1:
-        return [name]
     suffixes = ascii_lowercase[:count] if count <= len(ascii_lowercase) else map(str, range(1, count + 1))
-    return [f"{name}-{suffix}" for suffix in suffixes]
+    return [name] if count == 1 else [f"{name}-{suffix}" for suffix in suffixes]
 
 
 def assembled(
