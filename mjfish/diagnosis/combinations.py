@@ -168,7 +168,7 @@ def _grown(
     shortlist = partial(_visible_additions, learned=learned)
     found = _extended([base for base in bases if learned or not base.learned], evidence, known, whole, shortlist)
     leader = max(found.values(), key=lambda refit: refit.gain, default=None)
-    if leader is None or not _resembles(leader, whole):
+    if leader is None or _reach(leader) <= (1.0 - THRESHOLDS.resembles) * whole:
         return found
     known = {**known, **found}
     found |= _extended(_without(leader, known), evidence, known, whole, shortlist)
@@ -220,9 +220,9 @@ def _named(names: Sequence[str], after: Evidence) -> list[Effect]:
     return [effect for effect in after.candidates if effect.name in names]
 
 
-def _resembles(refit: Refit, whole: float) -> bool:
-    """Return whether a refit may leave less than a third of all there is to explain."""
-    return refit.gain + _AT_MOST * refit.promise > (1.0 - THRESHOLDS.resembles) * whole
+def _reach(refit: Refit) -> float:
+    """Return what a refit may gain once it is followed to its optimum."""
+    return refit.gain + _AT_MOST * refit.promise
 
 
 def _extended(
@@ -234,8 +234,8 @@ def _extended(
 ) -> dict[Names, Refit]:
     """Refit the bases with the additions of a shortlist to each.
 
-    Those near the best result are followed to their optimum, if the new member may pay, and the set leave less than a
-    third of `whole`, all there is to explain.
+    Those that may come near the best are followed to their optimum, if the new member may pay, and the set leave less
+    than a third of `whole`, all there is to explain.
     """
     found: dict[Names, Refit] = {}
     for base in bases:
@@ -251,15 +251,12 @@ def _extended(
                 if names not in found or refit.gain > found[names].gain:
                     found[names] = refit
     if found:
-        top = max(refit.gain for refit in found.values())
-        floor = top - max(0.5 * (top - min(base.gain for base in bases)), 1.0)
-        least, earns = min(refit.fit.sse for refit in found.values()), max(base.gain for base in bases) + MEMBER
-        near = [
-            refit
-            for refit in found.values()
-            if refit.gain >= floor and refit.gain + _AT_MOST * refit.promise > earns and _resembles(refit, whole)
-        ]
-        found.update({_names(refit): refit for refit in followed(partial(converged_refit, least=least), near)})
+        needed = max(max(base.gain for base in bases) + MEMBER, (1.0 - THRESHOLDS.resembles) * whole)
+        ranked = sorted((refit for refit in found.values() if _reach(refit) > needed), key=_reach, reverse=True)
+        for some in (ranked[:1], ranked[1:]):  # the most promising one tells whether the others come near it
+            best, least = max(refit.gain for refit in found.values()), min(refit.fit.sse for refit in found.values())
+            running = [refit for refit in some if _reach(refit) >= best]
+            found.update({_names(refit): refit for refit in followed(partial(converged_refit, least=least), running)})
     return found
 
 
