@@ -162,3 +162,37 @@ def test_two_causes_of_one_mechanism_are_one_mechanism(curves: list[Any]) -> Non
     (found,) = named_mechanisms(both, [both], None, None, clean=True)  # type: ignore[arg-type]
     assert (found.level, found.forms) == ("mechanism", ("power", "root"))
     assert len(curves) == 1
+
+
+@pytest.mark.parametrize(
+    ("pair", "coarse", "fitted", "followed"),
+    [
+        (None, 90.0, ["curve", "far"], ["curve", "far"]),
+        (100.0, 90.0, ["curve"], ["curve"]),
+        (100.0, 80.0, ["curve"], []),
+    ],
+)
+def test_beside_two_formulas_that_leave_nothing_only_a_learned_form_near_them_is_fitted(
+    monkeypatch: pytest.MonkeyPatch, pair: float | None, coarse: float, fitted: list[str], followed: list[str]
+) -> None:
+    """Catches minutes of learned forms that cannot explain what two formulas do."""
+    scores, seen, run = {"curve": 150.0, "far": 50.0}, [], []
+    learned: Any = [SimpleNamespace(name=name, mechanism=name, smooth=True) for name in scores]
+    scored = SimpleNamespace(statistic=scores.__getitem__, scored=lambda _: True)
+
+    def extended(_make: Any, effects: Any, _evidence: Any, _formulas: Any) -> list[Any]:
+        seen.extend(effect.name for effect in effects)
+        return [SimpleNamespace(names=(e.name,), mechanisms=(e.name,), gain=coarse, promise=0.0) for e in effects]
+
+    def follow(_make: Any, refits: Any) -> list[Any]:
+        run.extend(refit.names[0] for refit in refits)
+        return refits  # type: ignore[no-any-return]
+
+    monkeypatch.setattr(module, "gather", lambda *_: scored)
+    monkeypatch.setattr(module, "extended", extended)
+    monkeypatch.setattr(module, "followed", follow)
+    formula: Any = SimpleNamespace(gain=60.0, mechanisms=("curve",))
+    sufficient: Any = [] if pair is None else [SimpleNamespace(gain=pair)]
+    evidence: Any = SimpleNamespace(problem=None, fit=SimpleNamespace(sse=200.0))
+    module.refit_learned_forms(evidence, learned, [], {"law": formula}, sufficient)
+    assert (seen, run) == (fitted, followed)
