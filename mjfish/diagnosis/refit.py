@@ -116,8 +116,8 @@ _LONGEST, _SHORTEST = 0.005, 0.00125
 _UNSEEN = 0.1
 #: Power of the step by which that falls, a little less than the eight of a method of fourth order.
 _POWER = 7.0
-#: Step of the derivatives in steps of the rollouts. Where a cause moves the joints, it is one: a joint that meets a
-#: flank or a stop jerks within a longer step, and the derivative by the width of a gap would be off by a third.
+#: Step of the derivatives in steps of the rollouts. Where joints jerk (`Effect.jerks`), it is one: the derivative by
+#: the width of a gap would be off by more than itself; that by a lag is off by 2 %.
 _SLOPES = 3.0
 
 
@@ -155,8 +155,13 @@ def finer(problem: Problem, x: FloatArray, share: float) -> Problem:
 
 
 def _stepped(problem: Problem, step: float) -> Problem:
-    slopes = None if any(cause.overrides("drive") for cause in problem.causes) else _SLOPES * step
+    slopes = None if any(map(_jerks, problem.causes)) else _SLOPES * step
     return replace(problem, model=replace(problem.model, step=step), slope_step=slopes)
+
+
+def _jerks(effect: Effect) -> bool:
+    """Return whether derivatives need the step of the rollout with this cause in the model."""
+    return effect.jerks and effect.overrides("drive")
 
 
 #: Evaluations of a coarse refit of a cause that is smooth at its null, and of one that is not: its start is a guess.
@@ -339,7 +344,7 @@ def refit_with(evidence: Evidence, effect: Effect, formulas: Sequence[Refit] = (
         base,
         model=base.model.extended(effect),
         declared={**base.declared, **off_null(effect, visible)},
-        slope_step=None if effect.overrides("drive") else base.slope_step,
+        slope_step=None if _jerks(effect) else base.slope_step,
     )
     start, least = best_start(evidence, problem, effect, formulas)
     hopeless = not effect.smooth and least > evidence.fit.sse - _HOPELESS  # no size on the grid explains anything

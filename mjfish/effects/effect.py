@@ -75,6 +75,8 @@ class Effect(ABC):
             which the data cannot show it.
         limits: names of formulas of its mechanism that it becomes at the ends of its parameters.
         of_sensors: whether a cause of the drive acts on measured joint angles, too, as one of their sensors does.
+        jerks: whether joints that a cause of the drive moves may change their rate at once, as at a stop: derivatives
+            then need the step of the rollout.
         smooth: whether predictions are differentiable in its amplitudes at the null value; else it is always refitted.
         least: share of its scale that an amplitude which cannot be negative keeps from zero in a refit.
         load: force on every link from outside the Morison model, compiled; its parameters come in declared order.
@@ -110,6 +112,7 @@ class Effect(ABC):
     resembles: ClassVar[tuple[str, ...]] = ()
     limits: ClassVar[tuple[str, ...]] = ()
     of_sensors: ClassVar[bool] = False
+    jerks: ClassVar[bool] = True
     smooth: ClassVar[bool] = True
     least: ClassVar[float] = 0.002
     load: ClassVar[Load | None] = None

@@ -24,6 +24,7 @@ class JointZeroOffset(Effect):
     name, domain, mechanism = "joint_zero_offset", "drive", "joint_zero"
     summary = "the joints are not straight where told or measured to be"
     parameters = each_joint(_ZERO, 4)
+    jerks = False
     source = "Joint offsets in kinematic calibration: Siciliano et al., Robotics (2009), sec. 2.11"
     signature = "the fish turns where it should swim straight, always to the same side"
     confirm = "photograph the fish from above with all joints at zero, as told or measured"

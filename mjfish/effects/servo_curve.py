@@ -69,6 +69,7 @@ class ServoCurve(Effect):
         )
         for k in range(_KNOTS)
     )
+    jerks = False
     source = "Khalil, Nonlinear Systems (2002), sec. 1.2.7: saturation; Ramsay, J. R. Stat. Soc. B 60 (1998): monotony"
     signature = "the swing is wrong by an amount that goes with the angle, the same at every beat frequency"
     confirm = "step the joints on the bench to larger and larger angles and read them"

@@ -19,6 +19,7 @@ class ServoDelay(ServoForm):
     name = "servo_delay"
     summary = "the servos follow their command after a dead time"
     parameters = (Parameter("servo_delay.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, dead time"),)
+    jerks = False
     source = "Ljung, System Identification (1999), sec. 4.2: process models with delay"
     signature = "late by a time at every frequency, not smaller; steps come late and sharp"
     fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")

@@ -27,6 +27,7 @@ class ServoLag(ServoForm):
     name = "servo_lag"
     summary = "the servos follow their command late"
     parameters = (Parameter("servo_lag.time_constant", "s", 0.0, 0.0, 0.5, 0.0, 0.005, about="of the first-order lag"),)
+    jerks = False
     source = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature = "late and smaller with frequency; steps of the command come out smooth"
     fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")

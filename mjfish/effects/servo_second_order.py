@@ -21,6 +21,7 @@ class ServoSecondOrder(ServoForm):
         Parameter("servo_second_order.time", "s", 0.0, 0.0, 0.3, 0.0, 0.005, about="T, 1 / natural frequency"),
         Parameter("servo_second_order.damping", "-", 0.7, 0.1, 3.0, 0.7, 0.2, about="zeta, damping ratio", shape=True),
     )
+    jerks = False
     source = "Ljung, System Identification (1999), sec. 4.2: process models"
     signature = "late, and larger or smaller near its natural frequency; steps overshoot or come smooth"
     fingerprint = Fingerprint(exponent=1.0, odd=False, part="everywhere")
