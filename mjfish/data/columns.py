@@ -185,10 +185,8 @@ def check_increasing(
         row = int(wrong[0]) + 1
         how, what = f"is before the {before[row - 1]:.9g} s of", "sort the rows by time"
         if after[row - 1] == before[row - 1]:
-            how, what = (
-                "repeats that of",
-                "the row is repeated: remove one of the two, or give times that tell them apart",
-            )
+            how = "repeats that of"
+            what = "the row is repeated: remove one of the two, or give times that tell them apart"
         raise InputError(
             f"{row_name(path, row, first_line)}, column '{column}': {after[row - 1]:.9g} s {how} row {row}, expected "
             f"increasing times; {what}"

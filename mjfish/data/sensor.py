@@ -134,8 +134,7 @@ def cleaned(sensor: Sensor, source: Path, first_line: int | None = None) -> Sens
     """
     columns.check_increasing(sensor.time, source, first_line, repeated=True)
     sensor = sensor.selected(np.all(np.isfinite(sensor.values), axis=1), "a value is missing")
-    fresh = np.diff(sensor.time, prepend=-np.inf) > 0.0
-    sensor = sensor.selected(fresh, "their time repeats the one before")
+    sensor = sensor.selected(np.diff(sensor.time, prepend=-np.inf) > 0.0, "their time repeats the one before")
     same = np.all(np.diff(sensor.values, axis=0) == 0.0, axis=1)
     if np.count_nonzero(same) > _OFTENER * len(same) * np.prod([_rounding(own) for own in sensor.values.T]):
         remark = "they repeat the values before, as a slower sensor does that is logged faster"

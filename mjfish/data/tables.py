@@ -293,8 +293,9 @@ class Sheet:
             begin = float(unit * raw[0])
             time = unit * (raw - raw[0]) if _EPOCH < begin < columns.LARGEST else unit * raw
         columns.check_finite(time, self.path, self._label(index), self.layout.first_line)
-        date = f"{np.datetime64(round(1e3 * begin), 'ms')} UTC"
-        return readonly(time), f"{DATES}: they count from the first row, {date}" if begin > _EPOCH else ""
+        if begin <= _EPOCH:
+            return readonly(time), ""
+        return readonly(time), f"{DATES}: they count from the first row, {np.datetime64(round(1e3 * begin), 'ms')} UTC"
 
     def _dates(self, index: int, cells: Any) -> tuple[FloatArray, float]:
         """Return dates (n,) from the first on, and the first since 1970 [s]."""

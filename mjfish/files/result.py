@@ -72,8 +72,7 @@ class Result:
         Raises:
             InputError: a file cannot be written, or this kind of result has no curves.
         """
-        files: tuple[Path, ...] = reporting().write_curves(self, Path(folder))
-        return files
+        return tuple(reporting().write_curves(self, Path(folder)))
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -60,8 +60,8 @@ def inspect_fit(problem: Problem, fit: Fit, effects: Mapping[str, Effect], held:
     """
     if fit.lost:
         return Inspection()
-    found = [*starts_on_bounds(fit), *(_of_velocities(problem, fit, held) if problem.samples else ())]
-    return Inspection.of(found, effects)
+    of_velocities = _of_velocities(problem, fit, held) if problem.samples else []
+    return Inspection.of([*starts_on_bounds(fit), *of_velocities], effects)
 
 
 def _of_velocities(problem: Problem, fit: Fit, held: Sequence[Trial]) -> list[Finding]:

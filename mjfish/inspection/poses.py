@@ -354,8 +354,7 @@ def _read(runs: Sequence[_Run]) -> tuple[int, int]:
     if turn < _SURE:
         others[-1, 0] = _costs(-products[:, :1], squares[:, :1])[0]
     best = min(others, key=lambda reading: others[reading])
-    foreign = head > _FOREIGN or turn < -_SURE
-    return best if foreign and others[best] < _EXPLAINS else (1, 0)
+    return best if (head > _FOREIGN or turn < -_SURE) and others[best] < _EXPLAINS else (1, 0)
 
 
 def _costs(products: FloatArray, squares: FloatArray) -> FloatArray:

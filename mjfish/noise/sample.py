@@ -142,8 +142,9 @@ class NoiseSample:
 
     def autoregressive(self) -> Autoregressive:
         """Estimate autoregressive noise, order by BIC."""
-        pairs = zip(self.trials, self.masks, strict=True)
-        return estimate(self.residuals, self.lost, [grid(trial.time, mask) for trial, mask in pairs])
+        return estimate(
+            self.residuals, self.lost, [grid(t.time, m) for t, m in zip(self.trials, self.masks, strict=True)]
+        )
 
     def log_likelihood(self, noise: Noise) -> float:
         """Return the restricted log-likelihood of a noise model, less a constant.
