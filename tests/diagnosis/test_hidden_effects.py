@@ -17,7 +17,7 @@ from mjfish.estimation import fit
 
 #: Causes that the free coefficients hide (see below), one that needs a tank (tests/effects/test_wall_effect.py), one
 #: that needs a camera (test_poses.py), one that is random (test_wandering_clock.py).
-ELSEWHERE = ("clock_wander", "lens_distortion", "mass_error", "section_height", "wall_effect")
+ELSEWHERE = ("camera_tilt", "clock_wander", "lens_distortion", "mass_error", "section_height", "wall_effect")
 #: A hidden cause of each domain. The slow tests hide all of them and ask the whole catalogue; tests/effects recovers
 #: the size of each by a fit.
 OF_EACH_DOMAIN = ("munk_moment", "velocity_scale", "joint_zero_offset", "com_offset", "roll")
