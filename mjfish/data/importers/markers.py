@@ -40,7 +40,7 @@ _MEDIAN_FRAMES = 9
 def steadied(measured: FloatArray) -> FloatArray:
     """Return points (n, points, 2) without jumps and gaps, to start a fit from."""
     filled, frames = measured.copy(), np.arange(len(measured))
-    good = np.isfinite(measured).all(axis=2)
+    good: BoolArray = np.asarray(np.isfinite(measured).all(axis=2))
     for point, axis in product(np.flatnonzero(good.any(axis=0)), range(2)):
         there = good[:, point]
         filled[:, point, axis] = np.interp(frames, frames[there], measured[there, point, axis])
