@@ -112,13 +112,10 @@ def refit_learned_forms(
     known, most = set(settled), max((refit.gain for refit in (*refits.values(), *sufficient)), default=0.0)
     near, share = (True, _NEAR) if known or sufficient else (False, _PROMISING)
     scored = gather(evidence.problem, evidence.fit, learned)
-    own = [[refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in learned]
-    worth = [
-        effect.mechanism in known or _promised(effect, scored, formulas, near=near) >= share * most
-        for effect, formulas in zip(learned, own, strict=True)
-    ]
-    seen, formulas = ([each for each, chosen in zip(every, worth, strict=True) if chosen] for every in (learned, own))
-    coarse = [*extended(refit_with, seen, scored, formulas)]
+    own = {e.name: [refit for refit in refits.values() if refit.mechanisms == (e.mechanism,)] for e in learned}
+    promised = {e.name: _promised(e, scored, own[e.name], near=near) for e in learned}
+    seen = [effect for effect in learned if effect.mechanism in known or promised[effect.name] >= share * most]
+    coarse = [*extended(refit_with, seen, scored, [own[effect.name] for effect in seen])]
 
     def reach(refit: Refit) -> float:
         """Return the gain that no other refit may exceed if this one is to be followed."""
