@@ -15,7 +15,7 @@ from operator import methodcaller
 
 from mjfish.diagnosis.evidence import Evidence, gather
 from mjfish.diagnosis.held_out import HeldOut
-from mjfish.diagnosis.refit import converged_formula, converged_learned_form, far_off, refit_with
+from mjfish.diagnosis.refit import converged_in_reach, far_off, refit_with
 from mjfish.diagnosis.refit_result import TOLERANCE, Refit, extended, followed
 from mjfish.diagnosis.select import Goodness, compared
 from mjfish.diagnosis.table import Comparison, Names, Row, share_of
@@ -33,8 +33,6 @@ _BASES, _ADDED, _HALF_OF_IT = 2, 3, 0.5
 _SEEN = 0.01
 #: and the set must explain this much beyond every smaller one, and the share `table.share_of` of its gain.
 MEMBER = 20.0
-#: A refit that was stopped gains at most so many times what its next step promises: in 20 cases, 1.2 to 2 times.
-_AT_MOST = 2.0
 #: Where a single cause leaves less than `table.share_of`: a set must explain this much beyond every smaller one.
 MENDED = 200.0
 
@@ -168,7 +166,7 @@ def _grown(
     shortlist = partial(_visible_additions, learned=learned)
     found = _extended([base for base in bases if learned or not base.learned], evidence, known, whole, shortlist)
     leader = max(found.values(), key=lambda refit: refit.gain, default=None)
-    if leader is None or _reach(leader) <= (1.0 - THRESHOLDS.resembles) * whole:
+    if leader is None or leader.reach <= (1.0 - THRESHOLDS.resembles) * whole:
         return found
     known = {**known, **found}
     found |= _extended(_without(leader, known), evidence, known, whole, shortlist)
@@ -220,11 +218,6 @@ def _named(names: Sequence[str], after: Evidence) -> list[Effect]:
     return [effect for effect in after.candidates if effect.name in names]
 
 
-def _reach(refit: Refit) -> float:
-    """Return what a refit may gain once it is followed to its optimum."""
-    return refit.gain + _AT_MOST * refit.promise
-
-
 def _extended(
     bases: Sequence[Refit],
     evidence: Callable[[Refit], Evidence],
@@ -252,22 +245,15 @@ def _extended(
                     found[names] = refit
     if found:
         needed = max(max(base.gain for base in bases) + MEMBER, (1.0 - THRESHOLDS.resembles) * whole)
-        ranked = sorted((refit for refit in found.values() if _reach(refit) > needed), key=_reach, reverse=True)
-        for some in (ranked[:1], ranked[1:]):  # the most promising one tells whether the others come near it
-            best, least = max(refit.gain for refit in found.values()), min(refit.fit.sse for refit in found.values())
-            running = [refit for refit in some if _reach(refit) >= best]
-            found.update({_names(refit): refit for refit in followed(partial(converged_refit, least=least), running)})
+        some = [refit for refit in found.values() if refit.reach > needed]
+        made = converged_in_reach(some, max(refit.gain for refit in found.values()))
+        found.update({_names(refit): refit for refit in made})
     return found
 
 
 def _names(refit: Refit, *more: str) -> Names:
     """Return the names of a set, and of more causes, sorted."""
     return tuple(sorted((*refit.names, *more)))
-
-
-def converged_refit(refit: Refit, least: float) -> Refit:
-    """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
-    return converged_learned_form(refit, least) if refit.effects[-1].learned else converged_formula(refit, least)
 
 
 def _visible_additions(after: Evidence, *, learned: bool) -> list[Effect]:

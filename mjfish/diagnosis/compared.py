@@ -28,11 +28,11 @@ import numpy as np
 
 from mjfish.data import Dataset, Trial
 from mjfish.diagnosis.begun import Begun
-from mjfish.diagnosis.combinations import Found, beside, converged_refit, find_combinations
+from mjfish.diagnosis.combinations import Found, beside, find_combinations
 from mjfish.diagnosis.evidence import Evidence, gather, tail
 from mjfish.diagnosis.forms import refit_learned_forms
 from mjfish.diagnosis.held_out import HeldOut, pooled_error
-from mjfish.diagnosis.refit import far_off, lowest
+from mjfish.diagnosis.refit import converged_in_reach, far_off, lowest
 from mjfish.diagnosis.refit_result import Refit, followed
 from mjfish.diagnosis.screening import Screening
 from mjfish.diagnosis.select import Goodness, compared
@@ -151,9 +151,8 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
 
 def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:
     """Follow the refits that were stopped where a step more may catch up with the best; return these."""
-    best = max(refits.values(), key=lambda refit: refit.adjusted)
-    late = [refit for refit in refits.values() if refit.promise > best.adjusted - refit.adjusted]
-    return {refit.names: refit for refit in followed(partial(converged_refit, least=best.fit.sse), late)}
+    stopped, best = [refit for refit in refits.values() if refit.promise], max(refit.gain for refit in refits.values())
+    return {refit.names: refit for refit in converged_in_reach(stopped, best)}
 
 
 def _singles(refits: Mapping[Names, Refit], goodness: Goodness, held_out: HeldOut) -> Comparison:

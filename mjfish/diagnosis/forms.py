@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -21,8 +20,8 @@ from mjfish.diagnosis.curves import MeasuredCurve, curves_of
 from mjfish.diagnosis.evidence import DETECTED, Evidence, gather, p_value_of
 from mjfish.diagnosis.held_out import HeldOut
 from mjfish.diagnosis.isolability import prior_precision
-from mjfish.diagnosis.refit import converged_learned_form, refit_with
-from mjfish.diagnosis.refit_result import Refit, extended, followed
+from mjfish.diagnosis.refit import converged_in_reach, refit_with
+from mjfish.diagnosis.refit_result import Refit, extended
 from mjfish.effects.effect import Effect
 from mjfish.effects.mechanism import MECHANISMS
 from mjfish.estimation import Fit
@@ -123,13 +122,7 @@ def refit_learned_forms(
             return refit.gain / (_RUNNING if refit.mechanisms[0] in known else _RIVAL)
         return (refit.gain + refit.promise) / (_RIVAL if near else _RUNNING)
 
-    made: list[Refit] = []
-    ranked = sorted(coarse, key=reach, reverse=True)
-    for some in (ranked[:1], ranked[1:]):  # the most promising one tells whether the others come near it
-        best = max([most, *(refit.gain for refit in (*coarse, *made))])
-        running = [refit for refit in some if reach(refit) >= best]
-        made += followed(partial(converged_learned_form, best=evidence.fit.sse - best), running)
-    return {refit.names[0]: refit for refit in made}
+    return {refit.names[0]: refit for refit in converged_in_reach(coarse, most, reach)}
 
 
 def _promised(effect: Effect, evidence: Evidence, formulas: Sequence[Refit], *, near: bool) -> float:

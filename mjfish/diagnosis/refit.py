@@ -16,6 +16,7 @@ import copy
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -398,6 +399,31 @@ def converged_formula(refit: Refit, best: float) -> Refit:
     if result.status != "converged":
         result = converge(refit.problem, result.x, result.sse, best)
     return _resolved(refit.moved(result), best)
+
+
+def converged_refit(refit: Refit, best: float) -> Refit:
+    """Follow a coarse refit to its optimum; where the form of the cause added last is learned, with its smoothness."""
+    return converged_learned_form(refit, best) if refit.effects[-1].learned else converged_formula(refit, best)
+
+
+def converged_in_reach(
+    refits: Sequence[Refit], gained: float, reach: Callable[[Refit], float] = attrgetter("reach")
+) -> list[Refit]:
+    """Follow the refit that may gain most to its optimum, then the others that may come near the best.
+
+    Args:
+        refits: coarse ones.
+        gained: the largest gain that is known.
+        reach: returns the gain that no other refit may exceed if one is to be followed.
+    """
+    made: list[Refit] = []
+    ranked = sorted(refits, key=reach, reverse=True)
+    whole = max((refit.gain + refit.fit.sse for refit in refits), default=0.0)  # the same of all
+    for some in (ranked[:1], ranked[1:]):
+        best = max([gained, *(refit.gain for refit in (*refits, *made))])
+        running = [refit for refit in some if reach(refit) >= best]
+        made += followed(functools.partial(converged_refit, best=whole - best), running)
+    return made
 
 
 def lowest(refit: Refit) -> Refit:

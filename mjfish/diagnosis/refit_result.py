@@ -27,6 +27,8 @@ from mjfish.parameters import Parameter
 
 #: Relative change of the sum of squares at which a refit stops.
 TOLERANCE = 1e-5
+#: A refit that was stopped gains at most so many times what its next step promises: in 20 cases, 1.2 to 2 times.
+_AT_MOST = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,11 @@ class Refit:
         if self.fit.status != "stopped":
             return 0.0
         return span(self.fit.jacobian.chosen(~self.fit.at_bound)).explained(self.fit.residual)
+
+    @property
+    def reach(self) -> float:
+        """What it may gain once it is followed to its optimum."""
+        return self.gain + _AT_MOST * self.promise
 
     @property
     def adjusted(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mjfish.diagnosis import combinations as module
+from mjfish.diagnosis import refit as refit_module
 from mjfish.diagnosis.combinations import beats_smaller_sets, find_combinations
 from mjfish.diagnosis.evidence import gather
 from mjfish.diagnosis.held_out import HeldOut
@@ -47,6 +48,10 @@ class _Set:
     @property
     def mechanisms(self) -> Names:
         return self.names
+
+    @property
+    def reach(self) -> float:
+        return self.gain + 2.0 * self.promise
 
     @property
     def adjusted(self) -> float:
@@ -276,7 +281,7 @@ def test_what_cannot_be_like_the_truth_is_not_followed(
         return []
 
     monkeypatch.setattr(module, "extended", made)
-    monkeypatch.setattr(module, "followed", follow)
+    monkeypatch.setattr(refit_module, "followed", follow)
     base: Any = _Set(("base",), 400.0)
     beside = _scored({"near": 1.0, "far": 1.0}, 1.0)
     module._extended([base], lambda _: beside, {}, whole, lambda after: after.candidates)
@@ -294,7 +299,7 @@ def test_a_general_form_is_added_after_the_formulas_that_it_begins_at(monkeypatc
     beside = _scored({"both": 9.0, "lag": 0.0, "limit": 0.0}, 1.0)
     beside.candidates[0].limits = ("lag", "limit")
     monkeypatch.setattr(module, "extended", extended)
-    monkeypatch.setattr(module, "followed", lambda *_: [])
+    monkeypatch.setattr(refit_module, "followed", lambda *_: [])
     base: Any = _Set(("base",), 400.0)
     module._extended([base], lambda _: beside, {}, 750.0, lambda after: after.candidates[:1])
     assert made == [("lag", []), ("limit", []), ("both", [("base", "lag"), ("base", "limit")])]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mjfish.diagnosis import forms as module
+from mjfish.diagnosis import refit as refit_module
 from mjfish.diagnosis.evidence import DETECTED
 from mjfish.diagnosis.forms import form_in_words, named_mechanisms, remainder_of_other_forms, simpler, staying
 from mjfish.diagnosis.held_out import Confirmation, HeldOut
@@ -182,7 +183,10 @@ def test_beside_two_formulas_that_leave_nothing_only_a_learned_form_near_them_is
 
     def extended(_make: Any, effects: Any, _evidence: Any, _formulas: Any) -> list[Any]:
         seen.extend(effect.name for effect in effects)
-        return [SimpleNamespace(names=(e.name,), mechanisms=(e.name,), gain=coarse, promise=0.0) for e in effects]
+        return [
+            SimpleNamespace(names=(e.name,), mechanisms=(e.name,), gain=coarse, promise=0.0, fit=evidence.fit)
+            for e in effects
+        ]
 
     def follow(_make: Any, refits: Any) -> list[Any]:
         run.extend(refit.names[0] for refit in refits)
@@ -190,7 +194,7 @@ def test_beside_two_formulas_that_leave_nothing_only_a_learned_form_near_them_is
 
     monkeypatch.setattr(module, "gather", lambda *_: scored)
     monkeypatch.setattr(module, "extended", extended)
-    monkeypatch.setattr(module, "followed", follow)
+    monkeypatch.setattr(refit_module, "followed", follow)
     formula: Any = SimpleNamespace(gain=60.0, mechanisms=("curve",))
     sufficient: Any = [] if pair is None else [SimpleNamespace(gain=pair)]
     evidence: Any = SimpleNamespace(problem=None, fit=SimpleNamespace(sse=200.0))
