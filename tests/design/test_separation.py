@@ -112,7 +112,7 @@ def test_sums_of_runs_join_columns_by_name() -> None:
     joined = np.zeros((60, 3))
     joined[:30, :2], joined[30:, [1, 0, 2]] = a, b
     left = d - joined @ np.linalg.lstsq(joined, d, rcond=None)[0]
-    assert (one + two).unexplained == pytest.approx(float(left @ left))
+    assert Information.joined([one, two]).unexplained == pytest.approx(float(left @ left))
 
 
 def test_solve_leaves_out_what_nothing_moves() -> None:
