@@ -15,6 +15,7 @@ from mjfish.data.trial import Filter
 from mjfish.diagnosis.evidence import Evidence, gather, signatures, tail, under
 from mjfish.diagnosis.failures import NOMINAL, finite, sound
 from mjfish.diagnosis.refit import (
+    converge,
     converged_contenders,
     converged_formula,
     far_off,
@@ -133,7 +134,9 @@ def _screened_sensors(
     # along the rollouts of the best model, for those of a wrong one are not where the fish was
     if best and not _alike(best.problem, known := with_sensor_noise(best.problem, best.fit.x), best.fit):
         problem = having_noise_of(problem, known)
-        baseline, slopes = _fitted(problem, baseline.x, candidates)
+        begun = float(np.sum(problem.residual(baseline.x) ** 2))
+        baseline = sound(NOMINAL, converge(problem, baseline.x, begun, best.fit.sse))
+        slopes = _signatures(problem, baseline.values, candidates)
         seen = _NominalTest(candidates, slopes).run(problem, baseline, problem.noise)
         refitted = refits(seen.evidence, candidates, refitted, seen.refits)
     if refitted:
@@ -253,13 +256,8 @@ def _beside(best: Refit, candidates: tuple[Effect, ...]) -> tuple[tuple[Effect, 
 
 
 def _fitted(problem: Problem, start: FloatArray, candidates: tuple[Effect, ...]) -> tuple[Fit, Recomputable[Slopes]]:
-    """Return the fit of the nominal model, and the signatures of candidates there.
-
-    One that is far off is followed less closely: along what a large misfit curves, steps go on for hundreds.
-    """
-    baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-4))
-    if not far_off(baseline):
-        baseline = sound(NOMINAL, fit(problem, baseline.x, tolerance=1e-6))
+    """Return the fit of the nominal model, and the signatures of candidates there."""
+    baseline = sound(NOMINAL, fit(problem, start, tolerance=1e-6))
     return baseline, _signatures(problem, baseline.values, candidates)
 
 
@@ -289,7 +287,7 @@ class _NominalTest:
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
-        if noise is not problem.noise and not _alike(problem, replace(problem, noise=noise), baseline, problem.samples):
+        if noise is not problem.noise and not _same(problem, baseline, noise):
             problem = replace(problem, noise=noise)
             # taken at another fit, an unidentifiable effect would seem to show
             baseline, slopes = _fitted(problem, baseline.x, self.candidates)
@@ -314,8 +312,12 @@ class _NominalTest:
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
         """Return the test under another noise; the same test where the two noises are nearly equal."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
-        alike = _alike(problem, replace(problem, noise=noise), baseline, problem.samples)
-        return seen if alike else self.run(problem, baseline, noise)
+        return seen if _same(problem, baseline, noise) else self.run(problem, baseline, noise)
+
+
+def _same(problem: Problem, fitted: Fit, noise: Noise) -> bool:
+    """Return whether a noise weighs what a fit leaves of velocities nearly as that of the problem does."""
+    return _alike(problem, replace(problem, noise=noise), fitted, problem.samples)
 
 
 def _alike(one: Problem, other: Problem, fitted: Fit, rows: int | None = None) -> bool:
