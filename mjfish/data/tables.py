@@ -344,8 +344,10 @@ class Sheet:
             return readonly([self._number(index, row, *pair, missing=missing) for row, pair in rows])
 
     def _number(self, index: int, row: int, cell: str, plain: str, *, missing: bool) -> float:
+        if missing and not cell.strip():
+            return np.nan
         try:
-            return float("nan" if missing and not cell.strip() else "" if "_" in cell else plain)
+            return float(plain if "_" not in cell else "")
         except ValueError:
             where = f"{columns.row_name(self.path, row, self.layout.first_line)}, {self._label(index)}"
         found = "the cell is empty, expected a number; fill it in or remove the row"

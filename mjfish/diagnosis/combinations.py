@@ -191,7 +191,7 @@ def _grown_by_unscored(
 
 
 def _judged(earned: Mapping[Names, Refit], goodness: Goodness) -> tuple[Comparison, list[Refit]]:
-    """Compare sets, and return with that those which leave nothing."""
+    """Return the comparison of sets, and those of them that leave nothing."""
     best = compared(earned, goodness)
     return best, [earned[row.names] for row in best.staying() if row.clean()]
 
@@ -245,8 +245,8 @@ def _extended(
                     found[names] = refit
     if found:
         needed = max(max(base.gain for base in bases) + MEMBER, (1.0 - THRESHOLDS.resembles) * whole)
-        some = [refit for refit in found.values() if refit.reach > needed]
-        made = converged_in_reach(some, max(refit.gain for refit in found.values()))
+        worth = [refit for refit in found.values() if refit.reach > needed]
+        made = converged_in_reach(worth, max(refit.gain for refit in found.values()))
         found.update({_names(refit): refit for refit in made})
     return found
 

@@ -114,14 +114,13 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
         return Compared(replace(table, single=single), refits)
     settled = {row.mechanisms[0] for row in single.settled()}
     evidence = cache(partial(beside, (*begun.applicable, *begun.learnable)))
-    odd: int | None = None
-    sets: Found = (None, refits)
-    if not settled:  # pairs of formulas take less time than learned forms and lower minima, and may leave neither any
-        odd = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
-        if odd is None:
-            pairs = partial(find_combinations, refits, evidence, goodness, formulas=True)
-            sets = begun.parts.run("the combinations", pairs, sets)
-    sufficient = [sets[1][row.names] for row in (sets[0] or Comparison()).settled()]
+    odd = cache(lambda: begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None))
+    found: Found = (None, refits)
+    # pairs of formulas take less time than learned forms and lower minima, and may leave them nothing to explain
+    if not settled and odd() is None:
+        pairs = partial(find_combinations, refits, evidence, goodness, formulas=True)
+        found = begun.parts.run("the combinations", pairs, found)
+    sufficient = [found[1][row.names] for row in (found[0] or Comparison()).settled()]
     learned = refit_learned_forms(screening.evidence, begun.learnable, settled, screening.refits, sufficient)
     if learned:
         refits |= {(name,): refit for name, refit in learned.items()}
@@ -137,16 +136,13 @@ def _compared(begun: Begun, screening: Screening, held_out: HeldOut, table: Tabl
     table = replace(table, single=single)
     if single.retained(clean=True):
         return Compared(table, refits, learned)
-    if not sufficient:
-        if settled:
-            odd = begun.parts.run("the search for a single run", lambda: outlying_run(screening.evidence), None)
-        if odd is None:
-            every = {**sets[1], **refits}
-            sets = begun.parts.run("the combinations", lambda: _combined(single, every, evidence, goodness), sets)
+    if not sufficient and odd() is None:
+        every = partial(_combined, single, {**found[1], **refits}, evidence, goodness)
+        found = begun.parts.run("the combinations", every, found)
     if failed := {row.names for row in single.failed()}:
         others = _singles({names: refit for names, refit in refits.items() if names not in failed}, goodness, held_out)
         table = replace(table, others=others)
-    return Compared(replace(table, several=sets[0]), {**sets[1], **refits}, learned, odd)
+    return Compared(replace(table, several=found[0]), {**found[1], **refits}, learned, odd())
 
 
 def _caught_up(refits: Mapping[Names, Refit]) -> dict[Names, Refit]:

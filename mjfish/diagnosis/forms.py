@@ -30,13 +30,13 @@ from mjfish.numerics.block_angular import span
 #: A formula is given up for the learned form below this p value.
 _BEATEN = 0.01
 #: A learned form is fitted where its score, or a formula of its mechanism, explains this share of the best formula;
-#: and where that formula leaves nothing: only rivals that come near it matter then.
+#: and where a formula or two leave nothing: only rivals that come near these matter then.
 _PROMISING, _NEAR = 0.3, 0.6
 #: Beside such a formula, a learned form is taken to explain at most so many times what the best formula of its own
 #: mechanism does at its refit: its score is first order, and of a strong effect promises too much.
 _TIMES = 1.5
 #: And followed to its optimum where its coarse refit explains this share of the best, or its next step promises that;
-#: where a formula leaves nothing, and is of another mechanism.
+#: where a formula of another mechanism, or two formulas, leave nothing.
 _RUNNING, _RIVAL = 0.5, 0.85
 #: Draws of other forms, and the share of them that may go unseen.
 _OTHERS, _UNSEEN = 400, 0.2
@@ -104,7 +104,7 @@ def refit_learned_forms(
         settled: mechanisms of which a formula leaves nothing, or next to nothing: their learned forms are fitted, and
             those near them.
         refits: of formulas, by name.
-        sufficient: pairs of formulas that leave nothing: learned forms near them are fitted.
+        sufficient: pairs of formulas that leave nothing, or next to nothing: learned forms near them are fitted.
     """
     if not learned:
         return {}

@@ -287,7 +287,7 @@ class _NominalTest:
     def run(self, problem: Problem, baseline: Fit, noise: Noise) -> _Tested:
         """Return the test under a noise; the baseline is the fit under that of the problem."""
         slopes = self.slopes
-        if noise is not problem.noise and not _same(problem, baseline, noise):
+        if noise is not problem.noise and not _alike(problem, replace(problem, noise=noise), baseline):
             problem = replace(problem, noise=noise)
             # taken at another fit, an unidentifiable effect would seem to show
             baseline, slopes = _fitted(problem, baseline.x, self.candidates)
@@ -312,15 +312,10 @@ class _NominalTest:
     def repeat(self, seen: _Tested, noise: Noise) -> _Tested:
         """Return the test under another noise; the same test where the two noises are nearly equal."""
         problem, baseline = seen.evidence.problem, seen.evidence.fit
-        return seen if _same(problem, baseline, noise) else self.run(problem, baseline, noise)
+        return seen if _alike(problem, replace(problem, noise=noise), baseline) else self.run(problem, baseline, noise)
 
 
-def _same(problem: Problem, fitted: Fit, noise: Noise) -> bool:
-    """Return whether a noise weighs what a fit leaves of velocities nearly as that of the problem does."""
-    return _alike(problem, replace(problem, noise=noise), fitted, problem.samples)
-
-
-def _alike(one: Problem, other: Problem, fitted: Fit, rows: int | None = None) -> bool:
-    """Return whether two problems weigh the first rows of what a fit leaves, None: all, nearly alike."""
-    here, there = (problem.residual(fitted.x)[:rows] for problem in (one, other))
+def _alike(one: Problem, other: Problem, fitted: Fit) -> bool:
+    """Return whether two noises of a problem weigh nearly alike what a fit leaves: of velocities, else of sensors."""
+    here, there = (problem.residual(fitted.x)[: one.samples or None] for problem in (one, other))
     return bool(np.linalg.norm(here - there) <= _SAME * np.linalg.norm(here))

@@ -249,7 +249,7 @@ class Row:
         return self.held_out is not None and self.held_out.failed(limits)
 
     def tolerated(self, limits: Thresholds = THRESHOLDS) -> float:
-        """Return the share that these causes may leave, systematic as it is."""
+        """Return the share that a single cause may leave, systematic as it is."""
         return limits.exact if self.learned or all(without_form(name) for name in self.mechanisms) else limits.remaining
 
     def stays(self, limits: Thresholds = THRESHOLDS) -> bool:
@@ -278,9 +278,10 @@ class Row:
 
     def distances(self, limits: Thresholds = THRESHOLDS) -> dict[str, float]:
         """Return every figure over its threshold, by threshold: at 1 the set passes from one side to the other."""
+        most = self.tolerated(limits) if len(self.names) == 1 else self._share(share_of(self) * self.gain)
         asked = {
             "goodness": self.fit_p / limits.goodness,
-            "left": self.remaining / self.tolerated(limits),
+            "left": self.remaining / most,
             "resembles": self.remaining / limits.resembles,
         }
         return {

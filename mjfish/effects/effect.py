@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
@@ -291,14 +291,17 @@ class PictureForm(Effect):
     domain: ClassVar[Domain] = "data"
 
     def not_applicable(self, dataset: Dataset) -> str:
-        """A picture has places."""
-        seen = any(sensor.kind == "position" for trial in dataset.trials for sensor in trial.sensors)
-        return "" if seen else "no place was measured, which a bent picture would move"
+        """Say that no place was measured, where that is so."""
+        return (
+            ""
+            if not all(map(self.cannot_act, dataset.trials))
+            else "no place was measured: a bent picture moves places"
+        )
 
     def cannot_act(self, trial: Trial) -> str:
-        """It moves what sensors of places read."""
-        seen = any(sensor.kind == "position" for sensor in trial.sensors)
-        return "" if seen else "it has no sensor of a place, which a bent picture would move"
+        """Say that no sensor of the trial reads a place, where that is so."""
+        why = "it has no sensor of a place, which a bent picture would move"
+        return "" if any(sensor.kind == "position" for sensor in trial.sensors) else why
 
     def camera(
         self, time: FloatArray, place: FloatArray, heading: FloatArray, values: Values, trial: Trial
@@ -311,6 +314,7 @@ class PictureForm(Effect):
         turned = np.arctan2(ahead[:, 0] * seen[:, 1] - ahead[:, 1] * seen[:, 0], np.sum(ahead * seen, axis=1))
         return centre + away, heading + turned
 
+    @abstractmethod
     def picture(self, away: FloatArray, ahead: FloatArray, values: Values) -> tuple[FloatArray, FloatArray]:
         """Return where the picture has places (n, 2), and the directions (n, 2) of short lines there, of any length.
 
@@ -319,7 +323,6 @@ class PictureForm(Effect):
             ahead: (n, 2) true directions.
             values: of the parameters, by short name.
         """
-        raise NotImplementedError
 
 
 class ServoForm(Effect):

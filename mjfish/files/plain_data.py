@@ -36,8 +36,10 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, Set)):
-        return [plain(item) for item in (sorted(value) if isinstance(value, Set) else value)]
+    if isinstance(value, Set):
+        return plain(sorted(value))
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
     if is_dataclass(value) and not isinstance(value, type):

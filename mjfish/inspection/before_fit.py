@@ -136,8 +136,9 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
         dataset = load_dataset(dataset)
     known = catalogue(effects)
     complete, others = ([trial for trial in dataset.trials if trial.measured.all() == whole] for whole in (True, False))
+    factors = {trial.name: time_factor(trial) for trial in dataset.trials}
     beside = [
-        *time_units(others),
+        *time_units(others, factors),
         *pose_findings(dataset),
         *(one for trial in others for one in unresolved(trial)),
     ]
@@ -147,9 +148,9 @@ def inspect(dataset: Dataset | str | Path, effects: Causes = None) -> Inspection
     found = [finding for trial in read for finding in stuck(trial)]
     silent = {name for finding in found if finding.severity == "blocks" for name in finding.trials}
     found += coarse([trial for trial in read if trial.name not in silent])
-    found += [*time_units(read), *wave_frequencies(complete)]
+    found += [*time_units(read, factors), *wave_frequencies(complete)]
     # Other units show only where the times are right.
-    timed = {trial.name: retimed(trial, time_factor(trial)) for trial in read}
+    timed = {trial.name: retimed(trial, factors[trial.name]) for trial in read}
     trials = [trial for name, trial in timed.items() if name not in silent]
     fine = [trial for trial in trials if sampled_enough(trial)]
     lines = [line for line in map(interpolated, fine) if line is not None]

@@ -44,10 +44,15 @@ def retimed(trial: Trial, factor: float) -> Trial:
     return trial if factor == 1.0 else replace(trial, time=readonly(factor * trial.time), sensors=())
 
 
-def time_units(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Say which recorded joints beat at a frequency of no fish: their times are in another unit."""
+def time_units(trials: Sequence[Trial], factors: Mapping[str, float]) -> Iterator[Finding]:
+    """Say which recorded joints beat at a frequency of no fish: their times are in another unit.
+
+    Args:
+        trials: that are looked at.
+        factors: the `time_factor` of each, by name.
+    """
     for factor, unit in ((0.001, "they are in ms"), (1000.0, "they are in s and were divided by 1000")):
-        strange = [trial for trial in trials if not trial.drive and time_factor(trial) == factor]
+        strange = [trial for trial in trials if not trial.drive and factors[trial.name] == factor]
         if strange:
             first, names = strange[0], tuple(trial.name for trial in strange)
             everywhere = len(names) == len(trials)

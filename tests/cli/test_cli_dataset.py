@@ -146,7 +146,8 @@ def test_commanded_joints_their_hold_and_a_start_from_rest_are_said_and_written(
     shown = laboratory(line.format("tank")).stdout
     written = (tmp_path / "tank" / "dataset.toml").read_text(encoding="utf-8")
     for text in (
-        "moving smoothly in between (hold linear); --set hold=zero holds each until the next, half a sample",
+        "moving smoothly in between (hold linear); --set hold=zero holds each until the next, half a sample, 5 ms, "
+        "later",
         "start     at rest in the water, as given",
         "positive  y_down, heading clockwise from 0 along x",
     ):

@@ -142,6 +142,8 @@ def test_a_row_says_how_far_its_figures_are_from_every_threshold() -> None:
     assert _row("a", 100.0, LITTLE).distances() == pytest.approx(
         {"keep": 20.0, "close": 0.0, "goodness": 0.002, "left": 0.2 / 1.02, "resembles": 0.06 / 1.02}
     )
+    pair = _row("ab", 100.0, LITTLE)  # it may leave a hundredth of what it explains
+    assert pair.distances()["left"] == pytest.approx((2.0 / 102.0) / (1.0 / 101.0))
     assert _row("a", 100.0, BEATEN).distances() == pytest.approx({"keep": 0.02, "close": 15.0 / np.log(10.0)})
 
 

@@ -376,6 +376,8 @@ def _rows(
 
 def _unwrapped(values: FloatArray, field: str) -> FloatArray:
     """Return angles without jumps where the field is one; missing ones stay so."""
-    turned, known = values.copy(), np.isfinite(values) & (field.rpartition(".")[2] == _YAW)
+    if field.rpartition(".")[2] != _YAW:
+        return values
+    turned, known = values.copy(), np.isfinite(values)
     turned[known] = np.unwrap(values[known])
     return turned

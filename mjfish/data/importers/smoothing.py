@@ -388,8 +388,9 @@ def _residual(seen: Chain, basis: Basis, state: State) -> FloatArray:
 def _weights(seen: Chain, basis: Basis, state: State, there: BoolArray, *, student: bool) -> FloatArray:
     off = np.nan_to_num(np.square(_residual(seen, basis, state)).sum(axis=2), nan=np.inf) / np.square(state.sigma)
     directions = seen.measured.shape[2]
-    robust = np.where(there, (_STUDENT + directions) / (_STUDENT + off), 0.0)
-    return np.asarray(robust if student else (off < _GATE**2 + directions).astype(np.float64))
+    if student:
+        return np.asarray(np.where(there, (_STUDENT + directions) / (_STUDENT + off), 0.0))
+    return np.asarray((off < _GATE**2 + directions).astype(np.float64))
 
 
 #: Frequencies among which the beat is searched [Hz].
